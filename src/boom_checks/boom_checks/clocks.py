@@ -1,4 +1,4 @@
-"""Clocks that differ: the offset between topics at which simple physics holds best, with its interval.
+"""Clocks that differ: the offset and the drift between topics at which simple physics holds best, with their intervals.
 
 Pressures against motion by the force balance, or, behind a valve that holds the load, by when they change; currents against motion
 by the answer to the command. A delay of filter, bus or valve is physics or a sensor (``pressure_delay``, ``command_delay``); what
@@ -31,6 +31,8 @@ PRESSURES, CURRENTS = ("hose_pressure", "rod_pressure"), ("retract_current", "ex
 CARRYING, CHANGING, COMMANDING = (-0.03, 0.12), (-0.10, 0.20), (-0.40, 0.03)
 """s. Lateness that no clock makes: of pressures that carry the boom, filter and bus together; by when they change, as a valve opens
 before the boom moves, and the oil swings after it; and of currents, which the motion follows after pilot stage and spool."""
+DRIFTS = (0.06, 0.1, 0.16, 0.25, 0.4, 0.6, 0.9)
+"""s over the whole recording, to either side; what filters and valves do is as late in the end as in the beginning."""
 
 
 def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
@@ -39,17 +41,53 @@ def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
     pressures = (PRESSURES, changes, CHANGING) if boom.holds else (PRESSURES, force, CARRYING)
     for names, relation, allowed in (pressures, (CURRENTS, _at_once, COMMANDING)):
         measure, odds = offset(series, boom, names, relation, allowed)
+        running, gained = drift(series, boom, names, relation, measure.value)
+        if gained > max(odds, -PRIOR):
+            measure, odds = running, gained
+            way = "fast" if measure.value > 0.0 else "slow"
+            over = 0.01 * abs(measure.value) * float(series.time[-1])
+            said = f"the stamps run {way} against those of /joint_states, by {over:.2f} s over the recording"
+        else:
+            way = "late" if measure.value > 0.0 else "early"
+            said = f"the stamps are {way} against those of /joint_states by {abs(measure.value):.2f} s"
         if odds + PRIOR > 0.0:
             topics = ", ".join(dict.fromkeys(BY_NAME[name].topic for name in names))
-            way = "late" if measure.value > 0.0 else "early"
-            sentence = (
-                f"the stamps are {way} against those of /joint_states by {abs(measure.value):.2f} s ({measure.text}): the clocks "
-                "differ"
-            )
             found.append(
-                RecordingCheck("clock", topics, ((0.0, float(series.time[-1])),), sentence, measure, odds + PRIOR)
-            )
+                RecordingCheck(
+                    "clock", topics, ((0.0, float(series.time[-1])),), f"{said} ({measure.text}): the clocks differ", measure,
+                    odds + PRIOR,
+                )
+            )  # fmt: skip
     return found
+
+
+def drift(
+    series: EvenSeries, boom: Mechanics, names: tuple[str, ...], relation: Callable[[EvenSeries, Mechanics], float], late: float
+) -> tuple[IntervalValue, float]:  # fmt: skip
+    """By how much the signals' clock runs fast [%] with its interval, and its log odds against an offset alone, about ``late`` [s].
+
+    About the middle of the recording, so that offset and drift do not trade off.
+    """
+    shares = np.linspace(-0.5, 0.5, len(series.time))
+
+    def score(shift: int, over: int) -> float:
+        """With the signals late by ``shift`` samples in the middle, and by ``over`` more in the end than in the beginning."""
+        moved = np.round(shift + over * shares).astype(int)
+        return relation(series.with_columns({n: _earlier(series.columns[n], moved) for n in names}), boom)
+
+    middle = round(late / PERIOD)
+    near = range(middle - 2 * FINE, middle + 2 * FINE + 1, FINE)
+    still = max(score(shift, 0) for shift in near)
+    drifts = [way * round(d / PERIOD) for d in DRIFTS for way in (-1, 1)]
+    best = max(drifts, key=lambda over: score(middle, over))
+    middle = max(near, key=lambda shift: score(shift, best))
+    tried = {over: score(middle, over) for over in range(best - COARSE, best + COARSE + 1, FINE)}
+    best = max(tried, key=tried.__getitem__)
+    inside = [over for over, value in tried.items() if value > tried[best] - DROP_90]
+    scale = 100.0 * PERIOD / float(series.time[-1])
+    value = IntervalValue("drift", scale * best, "%", (scale * (min(inside) - FINE), scale * (max(inside) + FINE)))
+    large = abs(best) * PERIOD > 0.5 * DRIFTS[0]
+    return value, tried[best] - still if large else 0.0
 
 
 def offset(
@@ -79,7 +117,7 @@ def offset(
     return IntervalValue("offset", late, "s", interval), tried[best] - allowed if inner else 0.0
 
 
-def _earlier(values: Array, shift: int) -> Array:
+def _earlier(values: Array, shift: int | NDArray[np.int64]) -> Array:
     """The values of ``shift`` samples later; the first or the last one where there is none, as a boom rests there."""
     return values[np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)]
 
