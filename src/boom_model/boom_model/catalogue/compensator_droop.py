@@ -13,5 +13,5 @@ EFFECT = Effect(
                   flow_power=-2, accuracy=0.05),  # data sheets: the flow of a compensated valve is constant within 2 to 5 %
     ),
     {"supply_flow": lambda flow, own, at: flow * (1 - own.k * (flow / Q_REFERENCE) ** 2)},
-    place=5, needs="compensator", margin=10.0,  # at a tenth of the flow another law of it is many times this one
+    place=5, needs="compensator",
 )  # fmt: skip

@@ -182,7 +182,7 @@ class Effect:
     release: str = ""
     steps: tuple[tuple[str, str], ...] = ()
     lasting: str = ""
-    margin: float = 1.5
+    margin: float = 10.0
     sets_in: tuple[float, ...] = (1.0,)
     points: tuple[tuple[float, ...], ...] = ()
     watched: bool = True

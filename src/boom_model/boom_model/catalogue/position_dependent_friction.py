@@ -14,5 +14,5 @@ EFFECT = Effect(
         parameter("width", "rad", 0.1, (0.03, 0.3), (1e-3, 2.0), "how wide it is", positive=True, starts=(0.06, 0.2)),
     ),
     {"coulomb_friction": lambda size, own, at: size * (1 + own.b * ca.exp(-(((at.angle - own.q_c) / own.width) ** 2)))},
-    place=3, margin=10.0,  # a bent rod has nothing to do with what the seals rub
+    place=3,
 )  # fmt: skip
