@@ -10,6 +10,8 @@ from recording_faults import FAULTS, changed, late, slipped
 from boom_checks import commands
 from boom_checks.check import RecordingCheck
 from boom_checks.clocks import CHANGING, clock_checks, offset
+from boom_checks.clocks import CURRENTS as CLOCK_CURRENTS
+from boom_checks.clocks import PRESSURES as CLOCK_PRESSURES
 from boom_checks.commands import chatter_checks
 from boom_checks.doubts import checks
 from boom_checks.even_series import even_series
@@ -133,6 +135,34 @@ def test_the_offset_of_a_clock_is_measured_and_its_interval_holds_it(offset: flo
     low, high = found.measure.interval_90
     assert low <= offset <= high
     assert high - low < 0.1
+
+
+def running(recording: Recording, percent: float, *names: str) -> Recording:
+    """The same log, the stamps of these signals running fast."""
+    signals = dict(recording.signals)
+    for name in names:
+        signal = signals[name]
+        late = 1.0 + 0.01 * percent
+        signals[name] = replace(
+            signal,
+            time=signal.time * late,
+            stamps_ns=np.round(signal.stamps_ns[0] + 1e9 * signal.time * late).astype(np.int64),
+        )
+    return replace(recording, signals=signals)
+
+
+@pytest.mark.parametrize("percent", [0.4, -0.5, 1.2])
+@pytest.mark.parametrize("names", [CLOCK_PRESSURES, CLOCK_CURRENTS])
+def test_a_clock_that_runs_away_is_told_with_its_drift(percent: float, names: tuple[str, ...]) -> None:
+    found = [
+        check
+        for check in spoiling(running(load(BAGS / "healthy" / "extended"), percent, *names))
+        if check.kind == "clock"
+    ]
+    assert [check.measure.name for check in found] == ["drift"]
+    low, high = found[0].measure.interval_90
+    assert low <= percent <= high and high - low < 0.3
+    assert f"the stamps run {'fast' if percent > 0 else 'slow'}" in found[0].sentence
 
 
 @pytest.mark.parametrize("offset", [-0.6, 0.0, 0.6])

@@ -230,10 +230,12 @@ def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
         sizes = {f"effects.{effect}.{row.name}" for row in EFFECTS[effect].leading}
         shape = [c.name for c in fitted.coordinates if c.name.split(".")[1] == effect and c.name not in sizes]
         told |= {n: v for n, v in _variances(fitted, temperature, given=shape).items() if n in sizes} if shape else {}
-    result = {}
+    result, gone = {}, set[str]()
     for c in fitted.coordinates:
-        value = fitted.point.effects[c.name]
-        if is_none(c.name, value) or (c.onset and value < GRASP):  # what lies on the ground was there before
+        value, (_, effect, name) = fitted.point.effects[c.name], c.name.split(".")
+        of = next(row.of for row in EFFECTS[effect].parameters if row.name == name)
+        if is_none(c.name, value) or (c.onset and value < GRASP) or f"{effect}.{of}" in gone:
+            gone.add(f"{effect}.{name}")  # what lies on the ground was there before
             continue
         spread, known = (Z90 * sqrt(v.get(c.name, inf) + c.form**2) for v in (variances, told))
         if c.onset:

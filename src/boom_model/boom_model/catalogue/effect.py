@@ -83,6 +83,7 @@ class EffectParameter:
             other small things do. From data sheets.
         swallows: a play of the spool over full stroke. As small as what the noise of measured currents makes of the spool it lets
             none of that noise through, and predicts better than the truth.
+        of: number of the same effect without which this one says nothing.
         acts: also where the leading number does nothing. leads: it does so as another size of the effect, beside the first one.
         flow_power: with which power of a machine's flow it goes, beside what its unit says: a share at the thesis' full flow.
     """
@@ -107,6 +108,7 @@ class EffectParameter:
     accuracy: float = 0.0
     ordinary: float = 0.0
     swallows: bool = False
+    of: str = ""
     acts: bool = False
     leads: bool = False
     flow_power: int = 0

@@ -1,13 +1,13 @@
 """A load that is grasped or released during the recording, at a time, or that leaves the ground at a stroke, in every cycle.
 
-At t_g it is attached within some 10 ms, at the tip's speed, and dropped again at t_r. Below the piston position s_g it rests on the
-ground; it may leave the ground in two steps.
+At t_g it is attached at the tip's speed, within some 10 ms or as gradually as a grapple takes a bundle up, and dropped at t_r at
+once. Below the piston position s_g it rests on the ground; it may leave the ground in two steps.
 """
 
 from typing import Any
 
 from boom_model.catalogue.effect import Effect, parameter
-from boom_model.components.payload import on_the_hook
+from boom_model.components.payload import GRASP_TIME, on_the_hook
 from boom_model.regularisation import Expression
 from boom_model.state import ELAPSED_TIME
 
@@ -16,14 +16,14 @@ MUD = 5.0
 
 
 def _load(mass: Expression, own: Any, at: Any) -> Expression:
-    held = on_the_hook(own.time(), own.t_g, "time") * (1 - on_the_hook(own.time(), own.t_r, "time"))
+    held = on_the_hook(own.time(), own.t_g, "time", own.tau) * (1 - on_the_hook(own.time(), own.t_r, "time"))
     first = own.mass * held * on_the_hook(at.position, own.s_g, "stroke")
     return mass + first + own.mass_2 * on_the_hook(at.position, own.s_2, "stroke")
 
 
 EFFECT = Effect(
     "payload_change", "load", "5.39a",
-    "m (1 + tanh((t - t_g) / 0.01 s)) / 2 (1 + tanh((s_p - s_g) / 5 mm)) / 2 at the tip until t_r; so does m_2 from s_2 on",
+    "m (1 + tanh((t - t_g) / tau)) / 2 (1 + tanh((s_p - s_g) / 5 mm)) / 2 at the tip until t_r; so does m_2 from s_2 on",
     ("a load", "was grasped, released or lifted off the ground during the recording"),
     "static head pressure steps, with the lever arm",
     (
@@ -35,6 +35,7 @@ EFFECT = Effect(
                   ordinary=MUD),
         parameter("s_2", "m", 10.0, (0.0, 1.0), (-1.0, 10.0), "piston position below which that rests on the ground; 10: none"),
         parameter("t_r", "s", 1e4, (5.0, 60.0), (-1e5, 1e5), "when the mass grasped is dropped again; 10000: never"),
+        parameter("tau", "s", GRASP_TIME, (GRASP_TIME, 0.5), (5e-3, 5.0), "how gradually it is grasped", positive=True, of="t_g"),
     ),
     {"load_mass": _load},
     place=2, states=(ELAPSED_TIME,), load=True, onset="t_g", release="t_r", lasting="payload", watched=False,

@@ -48,9 +48,9 @@ def specifications(number: int, by: By) -> tuple[Specification, Specification]:
     )
 
 
-def on_the_hook(value: Expression, at: Expression, by: By) -> Expression:
-    """Share [-] of a load that hangs at the time or piston position ``value``."""
-    return 0.5 * (1 + ca.tanh((value - at) / (GRASP_TIME if by == "time" else GROUND)))
+def on_the_hook(value: Expression, at: Expression, by: By, grasp: Expression = GRASP_TIME) -> Expression:
+    """Share [-] of a load that hangs at the time or piston position ``value``; grasp: width of the tanh by time [s]."""
+    return 0.5 * (1 + ca.tanh((value - at) / (grasp if by == "time" else GROUND)))
 
 
 def mass(steps: Sequence[By], time: Any, position: Expression, p: Any) -> Expression:
