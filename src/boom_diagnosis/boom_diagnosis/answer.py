@@ -411,11 +411,12 @@ def _near(case: Case) -> list[Weighed]:
 
 
 def _touched(machine: Machine, term: LearnedTerm) -> str:
-    """The subsystem of a term that explains all: of a torque the load, which something touches, or friction."""
+    """The subsystem of a term that explains all: of a torque the load, which something touches, or friction; of a flow a valve."""
     main = max(zip(term.basis, term.coefficients, strict=True), key=lambda t: abs(t[1]))[0]
     if term.equation == "torque":
         return "friction" if "rate" in main else "load"
-    return next(link.subsystems[0] for link in links(machine) if link.key == term.equation)
+    own = next(link.subsystems for link in links(machine) if link.key == term.equation)
+    return "main_valve" if "main_valve" in own else own[0]
 
 
 def _home(case: Case, equations: Sequence[EquationEvidence]) -> tuple[str, str]:

@@ -27,7 +27,7 @@ from boom_diagnosis.weighing import NEGLIGIBLE, TOO_SMALL
 
 ANYTHING = 0.4
 """Standard deviation of the logarithm of a number of which nothing is known: off by a factor of 1.5, and up to one of five."""
-TRIED = 3
+TRIED = 2
 NEARLY_ALL = 0.1
 """Share of what the tolerances leave that may stay."""
 
