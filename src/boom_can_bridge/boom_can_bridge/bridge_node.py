@@ -51,6 +51,7 @@ class BridgeNode(LifecycleNode):
         self._bridge: Bridge | None = None
         self._failure = ""
         self._said = ""
+        self._told: MachineConfiguration | None = None
         self._told_enabled = False
         self._answered = ""
         self._settings = BridgeSettings(
@@ -131,6 +132,7 @@ class BridgeNode(LifecycleNode):
         )  # fmt: skip
         if not values.lockstep:
             message.header.stamp = self.get_clock().now().to_msg()
+        self._told = message
         self._configuration.publish(message)
         self._bridge.activate(True)
         self.get_logger().info(f"active on {self._settings.bus}, DBC {values.dbc}; motion needs ~/enable")
@@ -263,6 +265,8 @@ class BridgeNode(LifecycleNode):
         conflict = self._sole.look()
         if conflict and conflict != bridge.conflict:
             bridge.stop(conflict)
+        if bridge.conflict and not conflict and self._told:
+            self._configuration.publish(self._told)  # everybody may have heard the other crane's last
         bridge.conflict = conflict
 
     def _health(self) -> Health:

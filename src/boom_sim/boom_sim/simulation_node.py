@@ -71,10 +71,9 @@ class SimulationNode(Node):
         self._currents = publisher(SolenoidCurrents, "/boom/solenoid_currents")
         self._truth = publisher(GroundTruth, "/boom/ground_truth") if self._values.ground_truth else None
         self._clock_publisher = publisher(ClockMessage, "/clock") if self._lockstep else None
-        configuration = self.create_publisher(
+        self._latched = self.create_publisher(
             MachineConfiguration, "/boom/machine_configuration", qos.BY_TOPIC["/boom/machine_configuration"]
         )
-        self._latched = configuration
         self.create_subscription(
             SolenoidCurrents, "/boom/current_command", self._on_command, qos.BY_TOPIC["/boom/current_command"]
         )
@@ -91,11 +90,10 @@ class SimulationNode(Node):
         note = f"simulated, seed {self._values.seed}"
         if self._crane.machine.effects:
             note += ", effects: " + ", ".join(sorted(self._crane.machine.effects))
-        configuration.publish(
-            messages.configuration(
-                self._crane.machine.name, pose.outer_boom_angle, pose.telescope_length, pose.load, note, self._origin_ns
-            )
+        self._configuration = messages.configuration(
+            self._crane.machine.name, pose.outer_boom_angle, pose.telescope_length, pose.load, note, self._origin_ns
         )
+        self._latched.publish(self._configuration)
         if not self._lockstep:
             self._garbage = Garbage()
             self._garbage.hold()
@@ -191,6 +189,8 @@ class SimulationNode(Node):
             again = "commands and sensors have one publisher each again: commands act once they were zero"
             self.get_logger().warning(f"valve closed: {conflict}" if conflict else again)
             self._diagnostics.update()
+            if not conflict:
+                self._latched.publish(self._configuration)  # everybody may have heard the other crane's last
         return conflict
 
     def _anchor(self, late: float) -> None:

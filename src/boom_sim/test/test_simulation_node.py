@@ -210,6 +210,17 @@ def test_a_second_publisher_closes_the_valve_and_the_terminal_says_so_once_and_w
     assert (len(told), len(again)) == (1, 1), lines
 
 
+def test_what_a_second_crane_said_of_itself_is_put_right_when_it_has_gone(partner: Partner, start: Any) -> None:
+    crane = start()
+    told = partner.heard["/boom/machine_configuration"]
+    partner.until(lambda: told)
+    other = start("load_mass:=3000.0")
+    partner.until(lambda: told[-1].load_mass == 3000.0)
+    assert any("2 publish /joint_states" in line for line in crane.stderr)
+    other.terminate()
+    partner.until(lambda: told[-1].load_mass == 0.0)
+
+
 def test_log_is_grasped_and_dropped_while_running(partner: Partner, start: Any) -> None:
     start("mode:=lockstep", "sensors:=ideal", "ground_truth:=true")
     partner.until(lambda: partner.commands.get_subscription_count())
