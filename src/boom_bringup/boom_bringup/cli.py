@@ -9,7 +9,8 @@ A command is a module of `boom_bringup.commands` (`import-can` is `import_can`, 
 - `VERBATIM` (optional): name of the attribute of `args` that takes all words unchanged, except a lone --help,
 - `REST` (optional): name of the attribute of `args` that takes the words which `add_arguments` did not declare.
 
-Exit status: 0 success, 1 the work was done with a negative result, 2 wrong input, 130 stopped by Ctrl-C, 143 by SIGTERM.
+Exit status: 0 success, 1 the work was done with a negative result, 2 wrong input, 130 stopped by Ctrl-C, 143 by SIGTERM, 129 by
+SIGHUP.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from types import FrameType, ModuleType
 from typing import Any, NoReturn, TextIO, cast
 
 from boom_bringup import __version__
+from boom_input.ending import ending_signals
 from boom_input.shown import printable, quoted
 
 # The order of the help: what a newcomer needs first comes first.
@@ -242,12 +244,15 @@ def _stop(number: int, _frame: FrameType | None) -> NoReturn:
 
 
 def _stoppable() -> None:
-    """A Ctrl-C, and SIGTERM like it, ends the work where it is, and what is half written goes."""
+    """A Ctrl-C, and SIGTERM and SIGHUP like it, ends the work where it is, and what is half written goes."""
     _stopped.clear()
     if current_thread() is not main_thread():
         return
-    for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL)):
-        if signal.getsignal(number) is handler:  # not under nohup, nor in a program that has its own
+    for number in ending_signals():
+        if signal.getsignal(number) in (
+            signal.default_int_handler,
+            signal.SIG_DFL,
+        ):  # not in a program that has its own
             signal.signal(number, _stop)
 
 

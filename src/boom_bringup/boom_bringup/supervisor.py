@@ -2,7 +2,7 @@
 
 A group has any number of processes. One of them may be the main one: when it ends, the work is done and the others are
 stopped. When another one ends by itself, that is a failure, and all are stopped. Stopping is SIGINT, then SIGTERM, then
-SIGKILL, each with a bounded wait. SIGINT and SIGTERM that reach the supervisor stop the group in the same way.
+SIGKILL, each with a bounded wait. SIGINT, SIGTERM and SIGHUP that reach the supervisor stop the group in the same way.
 Every process is also told to die with its supervisor (`prctl PR_SET_PDEATHSIG`), so that even `kill -9` of the
 supervisor leaves no orphan.
 
@@ -19,6 +19,8 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TextIO
+
+from boom_input.ending import ending_signals
 
 # Longest wait [s] after each signal. A node needs to write its last chunk after SIGINT; a stuck one must not hold us.
 _STOP_SEQUENCE = ((signal.SIGINT, 8.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 5.0))
@@ -135,7 +137,7 @@ class Supervisor:
         """
         loop = asyncio.get_running_loop()
         handled: list[signal.Signals] = []
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in ending_signals():
             # Only the main thread can handle signals; elsewhere the caller stops us.
             with contextlib.suppress(ValueError, RuntimeError, NotImplementedError):
                 loop.add_signal_handler(number, self._interrupt, number)

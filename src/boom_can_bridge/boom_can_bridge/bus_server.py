@@ -40,6 +40,7 @@ from boom_can_bridge.python_can import can  # before can_remote, which would loa
 from can_remote.protocol import RemoteProtocolBase
 from can_remote.server import ClientRequestHandler, RemoteServerProtocol
 from can_remote.websocket import WebSocket, get_accept_key
+from boom_input.ending import ending_signals
 
 ADDRESS = "127.0.0.1"
 DEFAULT_PORT = 54701
@@ -278,7 +279,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"bus_server: {error}", file=sys.stderr)
         return error.exit_status
     ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         signal.signal(number, lambda *_: ended.set())
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
     thread.start()

@@ -13,7 +13,7 @@ import signal
 import sys
 from types import FrameType
 
-_HANDLED = (signal.SIGINT, signal.SIGTERM)
+from boom_input.ending import ending_signals
 
 
 def _end_at_once(_number: int, _frame: FrameType | None) -> None:
@@ -25,9 +25,11 @@ def settle() -> None:
     """Set the environment of a node unless the user has, and end quietly on a signal until `run` takes over."""
     os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    for number in _HANDLED:
+    for number in ending_signals():
         signal.signal(number, _end_at_once)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _HANDLED)  # a command that becomes a node holds a Ctrl-C back until here
+    signal.pthread_sigmask(
+        signal.SIG_UNBLOCK, ending_signals()
+    )  # a command that becomes a node holds a Ctrl-C back until here
 
 
 def is_node_program() -> bool:

@@ -18,6 +18,7 @@ from typing import Any
 
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from boom_input.ending import ending_signals
 from boom_interfaces.msg import ControllerState
 from boom_node import motion_action, qos
 from boom_node.stamps import seconds_to_ns, set_ns
@@ -50,7 +51,7 @@ def program(name: str) -> Iterator[Any]:
     from rclpy.signals import SignalHandlerOptions
 
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         signal.signal(number, lambda *_: _interrupted.set())
     node = rclpy.create_node(name)
     try:

@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from boom_input.ending import ending_signals
 from boom_input.shown import quoted
 from boom_node import early as _early  # noqa: F401  (signals and environment, before rclpy is imported)
 from boom_node import parameters
@@ -33,8 +34,6 @@ SPIN_TIMEOUT_S = 0.2  # how long a signal may wait for the executor to return to
 
 CLOCK_PATIENCE_S = 3.0  # s until a node that wants /clock says that nobody publishes it
 
-_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
 
 class _Interrupted(BaseException):
     """Raised during the construction of the node when a signal requests the end."""
@@ -45,12 +44,13 @@ class _State:
 
     def __init__(self) -> None:
         self.stop = False
+        self.signal = 0
         self.interruptible = False
         self.exit_status = 0
         self.message = ""
 
-    def on_signal(self, _number: int, _frame: FrameType | None) -> None:
-        self.stop = True
+    def on_signal(self, number: int, _frame: FrameType | None) -> None:
+        self.stop, self.signal = True, number
         if self.interruptible:
             self.interruptible = False
             raise _Interrupted
@@ -78,7 +78,7 @@ def fail(message: str, exit_status: int = 2) -> int:
 
 @contextlib.contextmanager
 def _signals_handled() -> Iterator[None]:
-    previous = {number: signal.signal(number, _state.on_signal) for number in _SIGNALS}
+    previous = {number: signal.signal(number, _state.on_signal) for number in ending_signals()}
     try:
         yield
     finally:
@@ -111,8 +111,9 @@ def run(
 ) -> int:
     """Run the node that `make_node` builds until a signal, `finish` or an error ends it. Returns the exit status.
 
-    `argv`: as ``sys.argv`` (the default). A node may have a method ``close()``: it is called once, before the node is
-    destroyed, with publishers still working. 0: ended by SIGINT, SIGTERM or `finish`; 2: StartError, printed as one
+    `argv`: as ``sys.argv`` (the default). A node may have a method ``close()``: it is called once, before the node is destroyed, with
+    publishers still working. One that has an end may have ``unfinished()``: where a signal ends it before, it says how far it came,
+    and the status is 128 and the signal's number. 0: ended by SIGINT, SIGTERM, SIGHUP or `finish`; 2: StartError, printed as one
     line; any other exception while the node is built is a programming error and is raised with its traceback. Once the node runs,
     its guard handles them (`boom_node.node`).
     """
@@ -154,6 +155,9 @@ def _run_initialised(make_node: Callable[[], "Node | LifecycleNode"], kind: str 
         executor = make_executor(kind)
         executor.add_node(node)
         _spin(executor, node)
+        unfinished = getattr(node, "unfinished", None)
+        if _state.signal and unfinished:
+            return fail(unfinished(), 128 + _state.signal)
         return fail(_state.message, _state.exit_status) if _state.message else _state.exit_status
     finally:
         _state.stop = True

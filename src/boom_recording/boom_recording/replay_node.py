@@ -329,6 +329,10 @@ class ReplayNode(Node):
 
     # ---- requests and health ----
 
+    def unfinished(self) -> str:
+        """How far it came."""
+        return f"replay stopped after {self._sent} of {len(self._samples)} messages"
+
     def _on_recorder(self, message: Bool) -> None:
         self._recorder_ready = message.data
 
@@ -361,7 +365,7 @@ class ReplayNode(Node):
 
 
 def main() -> int:
-    """Replay until the end or SIGINT or SIGTERM. Returns the exit status."""
+    """Replay until the end or a signal. Returns the exit status."""
     return shell.run(ReplayNode)
 
 

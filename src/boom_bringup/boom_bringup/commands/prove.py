@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, checked_json, held, json_text, write_text
+from boom_input.ending import ending_signals
 from boom_model.cores import usable_cores
 
 if TYPE_CHECKING:
@@ -218,7 +219,7 @@ def _show_cases(console: Console, trial: Trial) -> None:
 
 @contextmanager
 def _stopped_by_term() -> Iterator[None]:
-    """SIGTERM acts like Ctrl-C: it also stops the workers. One that a library has caught while it was loaded counts in the end."""
+    """SIGTERM and SIGHUP act like Ctrl-C: they also stop the workers. One that a library caught counts in the end."""
     asked = False
 
     def stop(*_: object) -> NoReturn:
@@ -226,7 +227,7 @@ def _stopped_by_term() -> Iterator[None]:
         asked = True
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.signal(number, stop) for number in ending_signals()}
     try:
         yield
     finally:

@@ -41,7 +41,7 @@ ROUNDS = "rounds"
 """The default of ``./boom diagnose --engine``."""
 PATIENCE = 600.0
 """s. A diagnosis that takes longer counts as failed."""
-_STOPPED = (-signal.SIGINT, -signal.SIGTERM, 128 + signal.SIGINT, 128 + signal.SIGTERM)
+_STOPPED = tuple(code for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) for code in (-n, 128 + n))
 STATE = "state.json"
 Progress = Callable[[str, int, int], None]
 """(current step, cases finished, all cases)"""
