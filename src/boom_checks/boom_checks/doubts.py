@@ -51,7 +51,7 @@ def first_look(recording: Recording, machine: Machine) -> FirstLook:
     why = ""
     if machine.structure.hose_burst_valve.holds:
         why = "no levels: the valve that holds the load stands between the hose pressure and the boom"
-    elif missing := [name for name in ALL if not series.known(name)]:
+    elif missing := [name for name in ALL if not repaired.known(name)]:
         why = f"no levels: {lacking(recording, missing, 'they need')}"
     return FirstLook(recording.name, tuple(found), None if why else statics_of(repaired, boom), why)
 
@@ -66,7 +66,8 @@ def lacking(recording: Recording, missing: list[str], need: str) -> str:
     absent = [name for name in missing if name not in recording.signals or not recording.signals[name].valid.any()]
     named = " and the ".join(name.replace("_", " ") for name in absent or missing)
     if absent:
-        return f"{need} the {named}, not recorded"
+        logged = all(name in recording.signals and len(recording.signals[name].time) for name in absent)
+        return f"{need} the {named}, {'of which no sample can be used' if logged else 'not recorded'}"
     short = f"{need} {SHORTEST:g} s of the {named}, and there is less in these {recording.duration:.3g} s"
     return seldom(*(recording.signals[name] for name in missing)) or short
 
@@ -94,7 +95,7 @@ def checks_of(
     found += chatter_checks(series)
     found += jump_checks(recording)
     found += sampling_checks(recording)
-    return sorted(found, key=lambda check: (not check.spoils, -check.log_odds)), repaired
+    return sorted(found, key=lambda check: (not check.spoils, -check.log_odds)), repaired.plausible()
 
 
 def supply_pressure(machine: Machine) -> float:

@@ -87,6 +87,16 @@ class EvenSeries:
         together = np.logical_and.reduce([np.isfinite(self.smooth(name)) for name in names])
         return bool(together.sum() * PERIOD >= SHORTEST)
 
+    def plausible(self) -> EvenSeries:
+        """The same without what is outside its channel's range: once units and signs are put right, that is no measurement."""
+        changed = {}
+        for name, values in self.columns.items():
+            channel = BY_NAME[name]
+            outside = (values < channel.low) | (values > channel.high)
+            if outside.any():
+                changed[name] = np.where(outside, np.nan, values)
+        return self.with_columns(changed) if changed else self
+
     def without(self, name: str) -> EvenSeries:
         """The same without a signal."""
         return EvenSeries(

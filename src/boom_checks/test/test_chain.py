@@ -27,6 +27,18 @@ def test_no_link_of_a_healthy_machine_breaks() -> None:
     assert study([chain]).valve_sentence == ""  # the hose pressure is what the boom needs: nothing to explain
 
 
+@pytest.mark.parametrize("angle", [4.0, 5.0])
+def test_an_angle_that_no_boom_has_drives_no_link_and_gives_no_level(angle: float) -> None:
+    healthy = load(BAGS / "healthy" / "folded_fast")
+    series = healthy.signals["angle"]
+    wrong = replace(series, values=np.full_like(series.values, angle), valid=np.zeros_like(series.valid))
+    turned = replace(healthy, signals={**healthy.signals, "angle": wrong})
+    chain = chain_of_machine(turned, TZ17)
+    assert (chain.links, chain.valve) == ((), None)
+    assert {why for _, why in chain.missing} == {"it needs the angle, of which no sample can be used"}
+    assert first_look(turned, TZ17).statics is None
+
+
 def test_links_that_cannot_be_driven_are_named_where_no_other_breaks() -> None:
     healthy = load(BAGS / "healthy" / "folded_fast")
     signals = {name: signal for name, signal in healthy.signals.items() if name != "rod_pressure"}

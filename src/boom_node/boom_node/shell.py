@@ -111,7 +111,7 @@ def run(
 ) -> int:
     """Run the node that `make_node` builds until a signal, `finish` or an error ends it. Returns the exit status.
 
-    `argv`: as ``sys.argv`` (the default). A node may have a method ``close()``: it is called once, before the node is destroyed, with
+    `argv`: as ``sys.argv`` (the default). A node may have a method ``close()``: it is called once, before it is destroyed, with
     publishers still working. One that has an end may have ``unfinished()``: where a signal ends it before, it says how far it came,
     and the status is 128 and the signal's number. 0: ended by SIGINT, SIGTERM, SIGHUP or `finish`; 2: StartError, printed as one
     line; any other exception while the node is built is a programming error and is raised with its traceback. Once the node runs,
