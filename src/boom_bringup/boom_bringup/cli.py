@@ -26,7 +26,7 @@ import re
 import signal
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
 from threading import current_thread, main_thread
 from types import FrameType, ModuleType
@@ -300,7 +300,8 @@ def _guarded(arguments: Sequence[str] | None) -> int:
             text, wanted = _BUILT[error.name], 2
         if not isinstance(wanted, int):
             raise
-        print(f"boom: {quoted(text, LONGEST_LINE)}", file=sys.stderr)
+        with suppress(OSError):  # stderr is full, too
+            print(f"boom: {quoted(text, LONGEST_LINE)}", file=sys.stderr, flush=True)
         return wanted
 
 

@@ -291,6 +291,12 @@ def test_a_closed_standard_output_is_no_fault_of_ours():
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("streams", ["2>&-", ">&- 2>&-", "<&- 2>&-", ">/dev/full 2>/dev/full"])
+def test_wrong_input_keeps_its_status_where_nobody_can_be_told(streams):
+    command = f"{sys.executable} {ROOT}/boom check-machine none {streams}"
+    assert subprocess.run(["/bin/sh", "-c", command], timeout=60, check=False).returncode == 2
+
+
 @pytest.mark.parametrize(
     ("module", "words", "status", "said"),
     [
