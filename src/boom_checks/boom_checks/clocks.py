@@ -32,16 +32,19 @@ CARRYING, CHANGING, COMMANDING = (-0.03, 0.12), (-0.10, 0.20), (-0.40, 0.03)
 """s. Lateness that no clock makes: of pressures that carry the boom, filter and bus together; by when they change, as a valve opens
 before the boom moves, and the oil swings after it; and of currents, which the motion follows after pilot stage and spool."""
 DRIFTS = (0.06, 0.1, 0.16, 0.25, 0.4, 0.6, 0.9)
-"""s over the whole recording, to either side; what filters and valves do is as late in the end as in the beginning."""
+"""s over what is looked at, to either side; what filters and valves do is as late in the end as in the beginning."""
+BEGUN = 120.0
+"""s of a longer recording that are looked at for a drift: in an hour a clock is off by more than any offset that is tried."""
 
 
 def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
     """Topics whose clock differs from that of the joint states."""
-    found = []
+    found, begun = [], _begun(series)
     pressures = (PRESSURES, changes, CHANGING) if boom.holds else (PRESSURES, force, CARRYING)
     for names, relation, allowed in (pressures, (CURRENTS, _at_once, COMMANDING)):
         measure, odds = offset(series, boom, names, relation, allowed)
-        running, gained = drift(series, boom, names, relation, measure.value)
+        late = measure if begun is series else offset(begun, boom, names, relation, allowed)[0]
+        running, gained = drift(begun, boom, names, relation, late.value)
         if gained > max(odds, -PRIOR):
             measure, odds = running, gained
             way = "fast" if measure.value > 0.0 else "slow"
@@ -66,7 +69,7 @@ def drift(
 ) -> tuple[IntervalValue, float]:  # fmt: skip
     """By how much the signals' clock runs fast [%] with its interval, and its log odds against an offset alone, about ``late`` [s].
 
-    About the middle of the recording, so that offset and drift do not trade off.
+    About the middle of what is looked at, so that offset and drift do not trade off.
     """
     shares = np.linspace(-0.5, 0.5, len(series.time))
 
@@ -84,7 +87,7 @@ def drift(
     tried = {over: score(middle, over) for over in range(best - COARSE, best + COARSE + 1, FINE)}
     best = max(tried, key=tried.__getitem__)
     inside = [over for over, value in tried.items() if value > tried[best] - DROP_90]
-    scale = 100.0 * PERIOD / float(series.time[-1])
+    scale = 100.0 / len(series.time)
     value = IntervalValue("drift", scale * best, "%", (scale * (min(inside) - FINE), scale * (max(inside) + FINE)))
     large = abs(best) * PERIOD > 0.5 * DRIFTS[0]
     return value, tried[best] - still if large else 0.0
@@ -115,6 +118,17 @@ def offset(
     late = PERIOD * best
     interval = (PERIOD * (min(inside) - FINE / 2), PERIOD * (max(inside) + FINE / 2))
     return IntervalValue("offset", late, "s", interval), tried[best] - allowed if inner else 0.0
+
+
+def _begun(series: EvenSeries) -> EvenSeries:
+    """The first ``BEGUN`` seconds in which the boom moves: clocks that drift have gone farther later."""
+    count, rate = round(BEGUN / PERIOD), np.nan_to_num(np.abs(series.smooth("rate")))
+    if len(series.time) <= count:
+        return series
+    first = min(int(np.argmax(rate > 0.2 * rate.max())), len(rate) - count)
+    return EvenSeries(
+        series.time[first : first + count], {n: v[first : first + count] for n, v in series.columns.items()}
+    )
 
 
 def _earlier(values: Array, shift: int | NDArray[np.int64]) -> Array:

@@ -14,7 +14,7 @@ from boom_checks.clocks import CURRENTS as CLOCK_CURRENTS
 from boom_checks.clocks import PRESSURES as CLOCK_PRESSURES
 from boom_checks.commands import chatter_checks
 from boom_checks.doubts import checks
-from boom_checks.even_series import even_series
+from boom_checks.even_series import PERIOD, EvenSeries, even_series
 from boom_checks.jumps import jump_checks
 from boom_checks.mechanics import mechanics
 from boom_checks.readings import PRIOR, reading_checks
@@ -163,6 +163,17 @@ def test_a_clock_that_runs_away_is_told_with_its_drift(percent: float, names: tu
     low, high = found[0].measure.interval_90
     assert low <= percent <= high and high - low < 0.3
     assert f"the stamps run {'fast' if percent > 0 else 'slow'}" in found[0].sentence
+
+
+def test_of_a_long_recording_the_beginning_tells_by_how_much_a_clock_runs_away() -> None:
+    """Ten minutes, in the end 3 s late: farther than any offset that is tried."""
+    recording = load(BAGS / "healthy" / "extended")
+    once = even_series(recording)
+    count = 10 * len(once.time)
+    shown = np.round(0.995 * np.arange(count)).astype(int) % len(once.time)
+    columns = {n: v[shown] if n in CLOCK_CURRENTS else np.tile(v, 10) for n, v in once.columns.items()}
+    (found,) = clock_checks(EvenSeries(PERIOD * np.arange(count), columns), mechanics(TZ17, recording))
+    assert found.measure.value == pytest.approx(0.5, abs=0.05)
 
 
 @pytest.mark.parametrize("offset", [-0.6, 0.0, 0.6])

@@ -320,10 +320,6 @@ class Nominal:
             seen.setdefault(candidate.effect, []).append(candidate)
         return seen
 
-    def gain_of(self, number: int) -> float:
-        """Nats that a tolerance gains if nothing is known of its number."""
-        return self._scanner.gain(self.jacobian[:, [number]])[0]
-
     def _refined(self, effect: str, at_least: float, level: float = -np.inf) -> Fitted:
         start = self.seen[effect]
         start = start if has_valleys(EFFECTS[effect]) else start[:1]
