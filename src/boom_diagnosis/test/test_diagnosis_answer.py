@@ -178,7 +178,7 @@ def test_a_number_that_does_not_act_is_not_outside_its_plausible_range(numbers: 
     """A load that comes at a time was "outside its plausible range", as it leaves the ground at no stroke."""
     found = weighed("payload_change", 50.0, 50.0, 400.0)
     names = all_coordinates(["payload_change"])
-    neutral = {"mass_2": 0.0, "s_2": 10.0, "s_g": -1.0, "t_g": 20.0, "t_r": 1e4}
+    neutral = {"mass_2": 0.0, "s_2": 10.0, "s_g": -1.0, "t_g": 20.0, "t_r": 1e4, "tau": 0.01}
     values = {f"effects.payload_change.{k}": v for k, v in {**neutral, **numbers}.items()}
     at = replace(found.fitted.point, effects=values)
     assert weighing_of._inside(replace(found, fitted=replace(found.fitted, point=at, coordinates=names))) is inside

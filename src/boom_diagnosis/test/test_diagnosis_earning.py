@@ -298,7 +298,7 @@ def test_an_effect_is_weighed_against_the_likeliest_of_all_sets_of_numbers_that_
     """One fits the data used a nat worse than the base and the data held out 300 nats better: the effect gains 10 there."""
     case.machine, case.pose, case.proving = tz17(), tz17().pose(0.28, 2.2, 300.0), [None]
     fitted = weighed("return_line_pressure", 50.0, 50.0, 1000.0).fitted
-    fitted.point.effects["effects.return_line_pressure.k"] = 1e11
+    fitted.point.effects |= {"effects.return_line_pressure.k": 1e11, "effects.return_line_pressure.n": 2.0}
     found: Any = Round((), point(1000.0), np.zeros((SAMPLES, 1)), (fitted,), {}, Any)
     monkeypatch.setattr(earning, "_valleys", lambda found: [(point(1001.0), found.jacobian)])
     losses = [(500.0, 400.0), (501.0, 100.0), (450.0, 90.0)]

@@ -343,8 +343,8 @@ def test_what_free_runs_leave_so_little_of_that_it_may_do_nothing_is_no_finding(
 @pytest.mark.parametrize(
     ("effect", "numbers", "doubted"),
     [("payload", {"mass": 385.0}, False),
-     ("swinging_load", {"mass": 116.0, "length": 9.0, "zeta": 0.1}, True),
-     ("swinging_load", {"mass": 116.0, "length": 2.0, "zeta": 0.1}, False)],
+     ("swinging_load", {"mass": 116.0, "length": 9.0, "zeta": 0.1, "told": 0.0}, True),
+     ("swinging_load", {"mass": 116.0, "length": 2.0, "zeta": 0.1, "told": 0.0}, False)],
 )  # fmt: skip
 def test_what_lies_at_the_end_of_its_range_is_looked_at_again(
     monkeypatch: pytest.MonkeyPatch, case: Any, effect: str, numbers: dict[str, float], doubted: bool
