@@ -24,7 +24,7 @@ from boom_node.emergency_stop import EmergencyStop
 from boom_node.errors import StartError
 from boom_node.joint_state import named_twice
 from boom_node.node import LifecycleNode
-from boom_node.publishers import COMMANDS, SolePublishers
+from boom_node.publishers import COMMANDS, SETTLE_S, SolePublishers
 from boom_node.realtime import Garbage, WakeUpLatency, use_core, use_priority
 from boom_node.stamps import far, seconds_to_ns, to_ns
 from rcl_interfaces.msg import SetParametersResult
@@ -73,7 +73,7 @@ class ControllerNode(LifecycleNode):
         self._cycles = self._late = 0
         self._garbage, self._wake_up_latency = Garbage(), WakeUpLatency()
         self._failure = ""
-        self._sole = SolePublishers(self, (*COMMANDS, *MEASURED_TOPICS), self._values["shared_topics"])
+        self._sole = SolePublishers(self, (*COMMANDS, *MEASURED_TOPICS), self._values["shared_topics"], SETTLE_S)
         self._make_topics()
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._use_parameters)

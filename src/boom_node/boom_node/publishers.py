@@ -15,6 +15,7 @@ from boom_node.parameters import ParameterSpec
 LOOK_EVERY_S = 0.05
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # rcl's word until the middleware has heard the name
 COMMANDS = ("/boom/current_command",)
+SETTLE_S = 0.3
 PARAMETER = ParameterSpec(
     "shared_topics",
     "",
@@ -30,12 +31,14 @@ class SolePublishers:
         node: queries the graph.
         topics: those that may have one publisher only, the node itself included.
         shared: those of them that may have several, from the parameter.
+        settle: s that a conflict is told beyond its end. A commander waits so long: a valve that was closed acts only once it
+            has seen the end, too, and zero commands after it.
     """
 
-    def __init__(self, node: Any, topics: Iterable[str], shared: str = "") -> None:
+    def __init__(self, node: Any, topics: Iterable[str], shared: str = "", settle: float = 0.0) -> None:
         self._node = node
         self._topics = [topic for topic in topics if topic not in [name.strip() for name in shared.split(",")]]
-        self._looked = -LOOK_EVERY_S
+        self._looked, self._crowded, self._settle = -LOOK_EVERY_S, -settle, settle
         self.conflict = ""
 
     def look(self) -> str:
@@ -44,7 +47,11 @@ class SolePublishers:
         if now - self._looked >= LOOK_EVERY_S:
             self._looked = now
             crowded = next((topic for topic in self._topics if self._node.count_publishers(topic) > 1), None)
-            self.conflict = "" if crowded is None else self._told(crowded)
+            told = "" if crowded is None else self._told(crowded)
+            if told:
+                self._crowded = now
+            if told or now - self._crowded >= self._settle:
+                self.conflict = told
         return self.conflict
 
     def _told(self, topic: str) -> str:

@@ -269,7 +269,7 @@ def test_an_interrupted_replay_ends_with_zero_currents(
     process.send_signal(signal.SIGINT)
     partner.until(lambda: got[-1][1:] == (0.0, 0.0))
     process.communicate(timeout=20)
-    assert process.returncode == 0
+    assert process.returncode == 130  # INT
 
 
 def test_a_paused_replay_waits_goes_on_when_asked_and_commands_zero_when_paused_again(
