@@ -155,9 +155,9 @@ def _run_initialised(make_node: Callable[[], "Node | LifecycleNode"], kind: str 
         executor = make_executor(kind)
         executor.add_node(node)
         _spin(executor, node)
-        unfinished = getattr(node, "unfinished", None)
-        if _state.signal and unfinished:
-            return fail(unfinished(), 128 + _state.signal)
+        unfinished = getattr(node, "unfinished", str)() if _state.signal else ""
+        if unfinished:
+            return fail(unfinished, 128 + _state.signal)
         return fail(_state.message, _state.exit_status) if _state.message else _state.exit_status
     finally:
         _state.stop = True

@@ -330,8 +330,8 @@ class ReplayNode(Node):
     # ---- requests and health ----
 
     def unfinished(self) -> str:
-        """How far it came."""
-        return f"replay stopped after {self._sent} of {len(self._samples)} messages"
+        """How far it came; nothing of one that repeats."""
+        return "" if self._values.loop else f"replay stopped after {self._sent} of {len(self._samples)} messages"
 
     def _on_recorder(self, message: Bool) -> None:
         self._recorder_ready = message.data

@@ -269,7 +269,20 @@ def test_an_interrupted_replay_ends_with_zero_currents(
     process.send_signal(signal.SIGINT)
     partner.until(lambda: got[-1][1:] == (0.0, 0.0))
     process.communicate(timeout=20)
-    assert process.returncode == 130  # INT
+    assert process.returncode == 0  # one that repeats has no other end
+
+
+def test_a_replay_that_is_interrupted_says_how_far_it_came(
+    partner: Partner, started: list[Any], bag: Path, tmp_path: Path
+) -> None:
+    got = commands_of(partner)
+    process = start("boom_recording.replay_node", tmp_path, bag=bag, start=0.4, rate=0.1)
+    started.append(process)
+    partner.until(lambda: got and got[-1][2] > 0.3)
+    process.send_signal(signal.SIGTERM)
+    partner.until(lambda: got[-1][1:] == (0.0, 0.0))
+    process.communicate(timeout=20)
+    assert process.returncode == 143
 
 
 def test_a_paused_replay_waits_goes_on_when_asked_and_commands_zero_when_paused_again(
