@@ -276,7 +276,7 @@ def test_a_replay_that_is_interrupted_says_how_far_it_came(
     partner: Partner, started: list[Any], bag: Path, tmp_path: Path
 ) -> None:
     got = commands_of(partner)
-    process = start("boom_recording.replay_node", tmp_path, bag=bag, start=0.4, rate=0.1)
+    process = start("boom_recording.replay_node", tmp_path, bag=bag, start=0.4, rate=0.2)
     started.append(process)
     partner.until(lambda: got and got[-1][2] > 0.3)
     process.send_signal(signal.SIGTERM)
