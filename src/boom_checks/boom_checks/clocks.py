@@ -133,7 +133,7 @@ def _begun(series: EvenSeries) -> EvenSeries:
 
 def _earlier(values: Array, shift: int | NDArray[np.int64]) -> Array:
     """The values of ``shift`` samples later; the first or the last one where there is none, as a boom rests there."""
-    return values[np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)]
+    return np.asarray(values[np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)])
 
 
 def _at_once(series: EvenSeries, boom: Mechanics) -> float:
