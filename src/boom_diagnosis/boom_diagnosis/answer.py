@@ -384,7 +384,7 @@ def _unknown_finding(
             for name, e in of_effect(estimates(unlike, 1.0), unlike.effect).items()
         )
         nearest = f"; the nearest is {label_of(unlike.effect)}, but as no boom can have it ({numbers})"
-    said = f" What explains it is {learned.curve.reading}." if learned else ""
+    said = f" Learnt from the data: {learned.curve.reading}." if learned else ""
     equation = "5.39a" if home in ("load", "structure") else link.equation
     where = f"at '{link.title}'"
     if not learned and rate_alone(fit):

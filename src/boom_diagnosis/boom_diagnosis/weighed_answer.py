@@ -215,7 +215,7 @@ def _unknown_finding(case: WeighedCase, odds: Marginals, cells: list[NDArray[np.
     place = regimes.where(cells, rest)
     near = sorted(((p, e) for e, p in odds.effects.items() if e not in case.named), reverse=True)[:2]
     nearest = f"; the nearest is {label_of(near[0][1])}" if near else ""
-    said = f" What explains it is {learned.curve.reading}." if learned else ""
+    said = f" Learnt from the data: {learned.curve.reading}." if learned else ""
     at_home = (EFFECTS[e].subsystem for _, e in near)
     home = next((s for s in at_home if s in link.subsystems), link.subsystems[0])
     return Finding(

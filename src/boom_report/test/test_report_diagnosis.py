@@ -121,6 +121,11 @@ def test_parameters_only_says_how_sure_it_is(sure, said):
     assert headline(replace(made, document=replace(made.document, ranking=(row,)))).endswith(said)
 
 
+def test_what_a_learnt_term_says_stands_in_the_headline():
+    made = cases.unknown_physics()
+    assert f"Learnt from the data: {made.learned[0].reading}. With it" in headline(made)
+
+
 def test_the_physics_is_not_taken_for_right_while_numbers_stand_at_the_end_of_their_tolerance():
     made = cases.changed("parameters_only", ())
     ended = "2 of 60 numbers stand at the end of their tolerance, which speaks against the explanation: a, b"

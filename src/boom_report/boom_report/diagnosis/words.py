@@ -192,6 +192,8 @@ def headline(result: DiagnosisResult) -> str:
     also = f" {_count(more)} further {'finding' if more == 1 else 'findings'} below." if more else ""
     rival = max((row.probability for row in document.ranking if row.kind == "parameters"), default=0.0)
     said = statement(first, "identified" if unproved and first.confidence >= HALF else kind, rival)
+    if result.learned:
+        said = f"{said} Learnt from the data: {result.learned[0].reading}."
     return f"{said}{f' {unproved[0].upper()}{unproved[1:]}.' if unproved else _proof(result)}{also}"
 
 
