@@ -334,16 +334,16 @@ def possible(
     cushion takes all of the passage at most.
     """
     effect, own = sized(EFFECTS[fitted.effect], size), f"effects.{fitted.effect}."
-    if effect.load:
-        return fitted.point.effects[own + effect.parameters[0].name] >= -load
+    if effect.load and fitted.point.effects[own + effect.parameters[0].name] < -load:
+        return False
     limits = {own + row.name: row.maximum for row in effect.leading}
-    if not effect.foreign and any(
+    if not (effect.foreign or effect.load) and any(
         fitted.point.effects[c.name] >= c.high and c.high < limits.get(c.name, -inf) for c in fitted.coordinates
     ):
         return False
     intervals = estimates(fitted, discount) if any(row.surely for row in effect.parameters) else {}
     for row in (row for row in effect.parameters if not (row.surely and whole)):
-        value, told = fitted.point.effects[own + row.name], intervals.get(own + row.name)
+        value, told = fitted.point.effects.get(own + row.name, row.neutral), intervals.get(own + row.name)
         low, high = told.interval_90 if told and row.surely else (value, value)  # none is told of what is not there
         if high < row.possible[0] or low > row.possible[1]:
             return False
