@@ -249,10 +249,8 @@ def _stoppable() -> None:
     if current_thread() is not main_thread():
         return
     for number in ending_signals():
-        if signal.getsignal(number) in (
-            signal.default_int_handler,
-            signal.SIG_DFL,
-        ):  # not in a program that has its own
+        # not in a program that has its own
+        if signal.getsignal(number) in (signal.default_int_handler, signal.SIG_DFL):
             signal.signal(number, _stop)
 
 
@@ -309,5 +307,6 @@ if __name__ == "__main__":
     done = main()
     # What is done stays done: Python, while it ends, would die by the signal.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    for ending in ending_signals()[1:]:
+        signal.signal(ending, signal.SIG_DFL)
     sys.exit(done)

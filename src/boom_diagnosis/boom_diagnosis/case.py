@@ -113,8 +113,9 @@ class Case:
     def with_bags(self, bags: list[Bag], proving: list[Bag]) -> Case:
         """The case from its beginning, with the recordings prepared otherwise."""
         parts = self.select, self.training, self.judged, self.nuisances, self.seed, self.others, self.elsewhere
-        made = Case(self.machine, self.pose, bags, proving, *parts, oftener=self.oftener)
-        return replace(made, wrong=self.wrong, or_wrong=self.or_wrong)
+        return Case(
+            self.machine, self.pose, bags, proving, *parts, oftener=self.oftener, wrong=self.wrong, or_wrong=self.or_wrong
+        )  # fmt: skip
 
     def with_wrong(self, number: Nuisance) -> Case:
         """The case from its beginning, with a number of the machine file free."""

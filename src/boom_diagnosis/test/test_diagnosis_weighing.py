@@ -66,66 +66,10 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
 @pytest.mark.parametrize(
     ("values", "load", "expected"),
     [
-        (
-            {
-                "payload_change": {
-                    "mass": -16.6,
-                    "t_g": 3.0,
-                    "s_g": -1.0,
-                    "mass_2": 0.0,
-                    "s_2": 10.0,
-                    "t_r": 1e4,
-                    "tau": 0.01,
-                }
-            },
-            0.0,
-            False,
-        ),
-        (
-            {
-                "payload_change": {
-                    "mass": -16.6,
-                    "t_g": 3.0,
-                    "s_g": -1.0,
-                    "mass_2": 0.0,
-                    "s_2": 10.0,
-                    "t_r": 1e4,
-                    "tau": 0.01,
-                }
-            },
-            20.0,
-            True,
-        ),
-        (
-            {
-                "payload_change": {
-                    "mass": 4.0,
-                    "t_g": 3.0,
-                    "s_g": -1.0,
-                    "mass_2": 0.0,
-                    "s_2": 10.0,
-                    "t_r": 1e4,
-                    "tau": 0.01,
-                }
-            },
-            0.0,
-            True,
-        ),
-        (
-            {
-                "payload_change": {
-                    "mass": 5.3,
-                    "t_g": 26.0,
-                    "s_g": -1.0,
-                    "mass_2": 0.0,
-                    "s_2": 10.0,
-                    "t_r": 1e4,
-                    "tau": 1.5,
-                }
-            },
-            0.0,
-            False,
-        ),
+        ({"payload_change": {"mass": -16.6, "t_g": 3.0}}, 0.0, False),
+        ({"payload_change": {"mass": -16.6, "t_g": 3.0}}, 20.0, True),
+        ({"payload_change": {"mass": 4.0, "t_g": 3.0}}, 0.0, True),
+        ({"payload_change": {"mass": 5.3, "t_g": 26.0, "tau": 1.5}}, 0.0, False),  # something drifts, nobody grasps
         ({"presliding_friction": {"compliance": 2.5e-5}}, 0.0, False),
         ({"presliding_friction": {"compliance": 1.8e-5}}, 0.0, True),
         ({"presliding_friction": {"compliance": 1.8e-6}}, 0.0, True),

@@ -16,6 +16,7 @@ LOOK_EVERY_S = 0.05
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # rcl's word until the middleware has heard the name
 COMMANDS = ("/boom/current_command",)
 SETTLE_S = 0.3
+"""s. Two nodes see the end of a conflict up to a few looks apart, as discovery reaches them."""
 PARAMETER = ParameterSpec(
     "shared_topics",
     "",
