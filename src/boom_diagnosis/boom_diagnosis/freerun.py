@@ -21,6 +21,8 @@ from boom_recording.recording import Recording
 Array = NDArray[np.float64]
 Errors = tuple[float, ...]
 """One per output."""
+COMPARED = 0.9
+"""Share of the samples that a run must reach to be compared with them."""
 UNKNOWN: Errors = (float("nan"),) * len(OUTPUTS)
 
 
@@ -78,7 +80,7 @@ def errors(span: Span, run: FreeRun) -> Errors:
         inside = (signal.time >= span.start) & (signal.time <= span.end)
         measured, said = at_stamps(signal, lag)[inside[signal.valid]], run.values[name][inside & signal.valid]
         known = np.isfinite(said)
-        if known.sum() < 0.9 * len(measured):
+        if known.sum() < COMPARED * len(measured):
             result.append(float("nan"))
             continue
         result.append(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.freerun import COMPARED
 from boom_diagnosis.nuisances import clocks_in
 from boom_diagnosis.prediction import CURRENT_NOISE, Values, carrying
 from boom_estimation.free_run import plant_for
@@ -20,14 +21,14 @@ from boom_recording.writing import from_columns
 
 Array = NDArray[np.float64]
 
-LEAST, MOST = 10.0, 0.9
-"""A copy is worth having if it lasts as many s, or that share of a recording that is shorter itself."""
+LEAST = 10.0
+"""s of a copy that is worth having, or ``COMPARED`` of a recording that is shorter itself."""
 
 
 def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | None:
     """The recording as a machine with these numbers (and no effects) would have given it, as far as it runs.
 
-    None where it is too short (``LEAST``, ``MOST``): without what holds it, a boom may run into its stops.
+    None where it is too short (``LEAST``): without what holds it, a boom may run into its stops.
     Its channels are as late as these numbers say. The measured currents stand for the true ones, in between one course of many;
     what the copy shows of them has their noise once more.
     """
@@ -49,7 +50,7 @@ def simulated(bag: Bag, machine: Machine, values: Values, seed: int) -> Bag | No
     outputs = outputs[where.reshape(told.shape), np.arange(len(OUTPUTS))]
     reached = int(np.isfinite(outputs).all(axis=1).sum())  # behind a failure all are NaN
     grid, outputs = grid[:reached], outputs[:reached]
-    if reached == 0 or grid[-1] < min(LEAST, MOST * bag.grid[-1]):
+    if reached == 0 or grid[-1] < min(LEAST, COMPARED * bag.grid[-1]):
         return None
     measured = machine.sensor_noise().outputs(outputs, rng)
     columns = {name: measured[:, i] for i, name in enumerate(OUTPUTS)}
