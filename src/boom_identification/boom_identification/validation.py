@@ -163,7 +163,7 @@ def validate(recording: Recording, machine: Machine, *, simulated: Recording | N
 
 
 def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:
-    """Errors up to which a model counts as right: the angle's limit, and twice the sensors' noise.
+    """Errors up to which a model counts as right: twice the sensors' noise, of the angle at least ``ANGLE_LIMIT``.
 
     both: the prediction has its own sensor noise, so that two independent noises add.
     """
@@ -172,7 +172,8 @@ def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:
     limits: dict[str, float | None] = {}
     for sensor in PREDICTED:
         limits |= dict.fromkeys(sensor.metric(statistic) for statistic in sensor.statistics)
-        limits[sensor.judging] = ANGLE_LIMIT if sensor.name == "angle" else factor * noise.deviation(sensor)
+        own = factor * noise.deviation(sensor)
+        limits[sensor.judging] = max(ANGLE_LIMIT, own) if sensor.name == "angle" else own
     return Metrics(limits)
 
 

@@ -170,6 +170,11 @@ def test_limits_are_one_milliradian_and_twice_the_noise_of_chapter_6_4():
     assert pressure == pytest.approx(0.351e5, abs=50)
 
 
+def test_a_coarse_angle_sensor_widens_the_limit_of_the_angle():
+    coarse = tz17().with_resolution(1.745e-3, 0.0)
+    assert noise_limits(coarse)["angle_mae_rad"] == pytest.approx(2 * 1.745e-3 / math.sqrt(12))
+
+
 def test_a_run_goes_on_where_oil_evaporates_and_says_from_when():
     """Lifted for a moment and let go without a load: the boom goes on, and the head side opens up."""
     recording = constant(6.0, angle=0.6, hose_pressure=2.7e6, rod_pressure=1e6)

@@ -326,10 +326,17 @@ def _check_positions(machine: Machine) -> None:
     if positions[0] < -STROKE_SLACK or positions[-1] > stroke + STROKE_SLACK:
         raise MachineError(
             f"kinematics: {low:g} .. {high:g} rad needs s_p = {positions[0]:.4f} .. {positions[-1]:.4f} m, "
-            f"but the stroke cylinder.l_p is 0 .. {stroke:g} m"
+            f"but the stroke cylinder.l_p is 0 .. {stroke:g} m: correct cylinder.l_min (which shifts s_p), the pins, "
+            f"or {' and '.join(_ends_beyond(positions, stroke))}"
         )
     if any(b <= a for a, b in pairwise(positions)):
         raise MachineError("kinematics: s_p must grow with q2 over the whole range")
+
+
+def _ends_beyond(positions: list[float], stroke: float) -> list[str]:
+    """The limits of the angle at which the piston would be beyond an end of its stroke."""
+    beyond = {"q2_stroke_min": positions[0] < -STROKE_SLACK, "q2_max": positions[-1] > stroke + STROKE_SLACK}
+    return [f"kinematics.{name}" for name, is_beyond in beyond.items() if is_beyond]
 
 
 def _check_areas(machine: Machine) -> None:

@@ -62,8 +62,8 @@ def limits_text(limits: Metrics) -> str:
     known = [(sensor, limits[sensor.judging]) for sensor in PREDICTED]
     parts = [f"{sensor.label} {error_text(sensor, limit)}" for sensor, limit in known if limit is not None]
     return (
-        f"Limits, up to which noise explains an error: {', '.join(parts)} (rate and pressures: {NOISE_FACTOR:g} times "
-        "the sensors' noise; angle: what the noise of the measured currents adds up to)."
+        f"Limits, up to which noise explains an error: {', '.join(parts)} ({NOISE_FACTOR:g} times the "
+        "sensors' noise; of the angle at least what the noise of the measured currents adds up to)."
     )
 
 
