@@ -27,6 +27,7 @@ import signal
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr, redirect_stdout, suppress
+from io import TextIOWrapper
 from pathlib import Path
 from threading import current_thread, main_thread
 from types import FrameType, ModuleType
@@ -228,6 +229,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         The exit status. An exception that carries an `exit_status` becomes one line on stderr and that status.
     """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # what the terminal's encoding lacks is shown by its number
+            stream.reconfigure(errors="backslashreplace")
     with open(os.devnull, "w", encoding="utf-8") as nowhere:  # a stream that the caller has closed (`>&-`)
         shown = (cast(TextIO, _Shown(stream or nowhere)) for stream in (sys.stdout, sys.stderr))
         with redirect_stdout(next(shown)), redirect_stderr(next(shown)):

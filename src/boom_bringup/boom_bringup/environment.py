@@ -26,6 +26,8 @@ NETWORK_MODES = ("loopback", "lan")
 LOOPBACK_PROFILE = Path(__file__).resolve().with_name("loopback.xml")
 # Above 101 the ports of a domain (7400 + 250 each) would lie where the kernel gives ports away; people begin at 0.
 PRIVATE_DOMAINS = range(60, 101)
+LARGEST_DOMAIN = 232
+"""Beyond, the ports of a domain would lie above 65 535."""
 
 # What a sourced ROS leaves behind and the wheels must not see, and the loader path that the wheels set for themselves.
 FOREIGN_VARIABLES = (
@@ -142,8 +144,13 @@ def for_processes(environment: Mapping[str, str]) -> dict[str, str]:
         A new environment: variables of a sourced ROS dropped, network restricted, message fields checked.
 
     Raises:
-        EnvironmentSettingError: `BOOM_NETWORK` has an unknown value.
+        EnvironmentSettingError: `BOOM_NETWORK` or `ROS_DOMAIN_ID` has an impossible value.
     """
+    domain = environment.get("ROS_DOMAIN_ID", "")
+    if domain and not (domain.isascii() and domain.isdigit() and int(domain) <= LARGEST_DOMAIN):
+        raise EnvironmentSettingError(
+            f"ROS_DOMAIN_ID={domain} is no domain: set it to 0 .. {LARGEST_DOMAIN}, or unset it"
+        )
     result = {name: value for name, value in environment.items() if name not in FOREIGN_VARIABLES}
     result["RMW_IMPLEMENTATION"] = "rmw_fastrtps_cpp"
     # Without it two values in a float64[3] would be sent with stray memory behind them.

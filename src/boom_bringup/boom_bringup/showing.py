@@ -19,6 +19,19 @@ def diagnose_next(bags: Sequence[str], machine: str | None, configuration: Seque
     return [f"next: {typable(program, 'diagnose', str(bag), *words)}" for bag in bags[:1]]
 
 
+def asked(prompt: str) -> str:
+    """The line that is typed, without blanks at its ends.
+
+    Raises:
+        EOFError: there is none, or it ended without Enter: `input` would drop its last character then.
+    """
+    print(prompt, end="", flush=True)
+    line = sys.stdin.readline()
+    if not line.endswith("\n"):
+        raise EOFError
+    return line.strip()
+
+
 QUIET = 2.0  # s: so long nothing is said in a log file
 
 

@@ -21,6 +21,12 @@ def test_a_sourced_ros_is_dropped_and_named():
     assert environment.sourced_ros({}) == ""
 
 
+@pytest.mark.parametrize("domain", ["999", "abc", "-1", "1.5"])
+def test_a_domain_that_cannot_be_is_told(domain):
+    with pytest.raises(environment.EnvironmentSettingError, match=r"set it to 0 \.\. 232"):
+        environment.for_processes({"ROS_DOMAIN_ID": domain})
+
+
 def test_the_default_is_the_loopback_profile_whatever_range_the_user_has_set():
     for user in ({}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}):
         ours = environment.for_processes(user | {"ROS_STATIC_PEERS": "10.0.0.1", "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"})

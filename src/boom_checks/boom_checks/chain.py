@@ -28,6 +28,7 @@ from boom_checks.mechanics import Mechanics, mechanics, piston_only
 from boom_checks.readings import Z_90
 from boom_checks.statics import Statics, statics_of
 from boom_identification.stationary import pose_of
+from boom_identification.validation import at_rest
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder
 from boom_model.machine import Machine
@@ -127,6 +128,9 @@ class RecordingChain:
             return (
                 "the hydraulics at the cylinder alone" if self.valve else f"no link can be driven: {self.missing[0][1]}"
             )
+        angle = self.recording.signals["angle"]
+        if still := at_rest(angle.values[angle.valid]):
+            return f"nothing drives the links: {still}"
         broken = sorted((link for link in self.links if link.ratio > 1.0), key=lambda link: -link.ratio)
         if not broken:
             why = "noise and the file's tolerances explain every error"

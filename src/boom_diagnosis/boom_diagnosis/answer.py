@@ -36,6 +36,7 @@ from boom_diagnosis.must_keep import (
     by_free_runs,
     far_channels,
     kept,
+    shown,
     worse_channels,
     worse_on_the_whole,
 )
@@ -131,7 +132,9 @@ def assemble(
     floor = median(floors)
     unproved_by = worse_channels(driven, floor) or far_channels(driven, floor, FAR_FROM_FLOOR) if case.taken else []
     odds = odds_of(case, unknown, proved=not unproved_by, spared=spared)
-    if case.taken and spared > max(odds.effects[0].values()):
+    unseen = bool(case.taken) and _unseen(tight, driven, floor)
+    if unseen or (case.taken and spared > max(odds.effects[0].values())):
+        case.disproved += case.taken[:1] if unseen else []
         return assemble(doubted(case.without_effects()), about, weak)
     cells = [regimes.classify(bag) for bag in case.bags]
     findings = _findings(case, odds, cells)
@@ -207,6 +210,14 @@ def _doubts(
         return unknown, 0.0
     weighed, spared = by_free_runs(unknown, driven, median(floors))
     return weighed, spared * as_far_by_chance(case.kept(0).z)
+
+
+def _unseen(tight: _Tight, driven: Mapping[str, Sequence[float]], floor: Errors) -> bool:
+    """Whether parameters alone leave no more than a healthy machine does, and free runs over data not used show nothing else.
+
+    What only likelihood sees then is how two models of one machine differ, or sensors whose noise is not the file's.
+    """
+    return tight.excess_before < NEGLIGIBLE and not shown(driven, floor)
 
 
 def _rivals(case: Case, ranked: Sequence[RankingRow]) -> list[tuple[str, Point]]:

@@ -21,6 +21,8 @@ OPEN = 3.0
 """Standard deviations that free runs may err by because the recordings leave numbers open: no sign of physics."""
 AT_FLOOR = 1.5
 """The same up to which an error is one that noise makes: neither worse than another nor a sign of physics."""
+SHOWN = 0.5
+"""Share of the noise's error that an effect must take from free runs to show there."""
 WORSE = 1.1
 """Held-out error of a channel over that of parameters only from which on an explanation is unproved."""
 UNPROVED = 0.8

@@ -18,6 +18,7 @@ from boom_diagnosis.nuisances import Nuisance, closed
 from boom_diagnosis.prediction import Predictor
 from boom_diagnosis.recent import Recent
 from boom_diagnosis.sizes import size_of
+from boom_diagnosis.steps import inside
 from boom_model.codegen.compiled import LANES
 
 Array = NDArray[np.float64]
@@ -108,7 +109,7 @@ class _Tried:
 
     Attributes:
         here, whole: where it began and the end of the whole step, predicted in one pass.
-        best: end of the best of all steps, gain: nats over where it began, by one pass.
+        best: end of the best of all steps, gain: nats over where it began, by one pass; promised: more, by the derivatives.
         columns: of :meth:`Problem.effect_jacobian` at ``best``; None where they are to be taken apart.
     """
 
@@ -116,6 +117,7 @@ class _Tried:
     whole: Point
     best: Point
     gain: float
+    promised: float
     columns: Array | None
 
 
@@ -153,8 +155,8 @@ class Problem:
         """Components of the parameter vector."""
         result = dict[str, float]()
         for nuisance, zi in zip(self.nuisances, z, strict=True):
-            for name in nuisance.components if zi != 0.0 else ():
-                result[name] = nuisance.value(result.get(name, self._nominal[name]), float(zi))
+            if zi != 0.0:
+                nuisance.move(result, self._nominal, float(zi))
         made = self._closed.get(z.tobytes(), lambda: closed(self.predictor.machine, result))
         return made | dict(effects)
 
@@ -248,18 +250,21 @@ class Problem:
         """
         m = len(start.z)
         best, nz, known = start, jacobian[:, :m].copy(), jacobian[:, m:]
-        fresh = known.shape[1] == len(names)
+        fresh, renewed = known.shape[1] == len(names), False
         for k in range(iterations + further):
             columns = known if fresh else self.effect_jacobian(best, names)
             tried = self._tried(best, np.concatenate([nz, columns], axis=1), names)
             _broyden(nz, tried.here, tried.whole, columns, names)
-            left = best.over(WHITE)
+            least = max(LEAST_STEP, (SLOW if k < iterations - 1 else FAST) * best.over(WHITE))
             known, fresh = columns, tried.gain < LEAST_STEP
             if tried.gain > 0.0:
                 best = tried.best
                 if tried.columns is not None:
                     known, fresh = tried.columns, True
-            if tried.gain < max(LEAST_STEP, (SLOW if k < iterations - 1 else FAST) * left):
+            elif tried.promised > least and not renewed:  # derivatives of elsewhere promised it
+                nz, renewed = self.nuisance_jacobian(best), True
+                continue
+            if tried.gain < least:
                 break
         columns = known if fresh else self.effect_jacobian(best, names)
         return best, np.concatenate([nz, columns], axis=1)
@@ -309,7 +314,7 @@ class Problem:
         first = LANES - 1 - len(beside)
         here, *points = self.points([begin, *ends[:first], *beside])
         whole, best, moved = points[0], min(points[:first], key=lambda p: p.loss), points[first:]
-        gain = here.loss - best.loss
+        gain, promised = here.loss - best.loss, 0.0
         if gain <= 0.0:
             promised = at.loss - rho((at.w + jacobian @ step)[at.used]) - 0.5 * float(z @ z)
             if promised > max(LEAST_STEP, SLOW * at.over(WHITE)):
@@ -322,7 +327,7 @@ class Problem:
             one, other = ((p.w - whole.w) / (c.inner(v) - middle) for p, v in zip(moved, values, strict=True))
             if np.linalg.norm(one - other) < AGREE * np.linalg.norm(one + other) / 2.0:
                 columns = (one + other)[:, None] / 2.0
-        return _Tried(here, whole, best, gain, columns)
+        return _Tried(here, whole, best, gain, promised, columns)
 
     def _moved(
         self, at: Point, step: Array, names: Sequence[Coordinate], size: float
@@ -360,29 +365,15 @@ def gauss_newton(
     scaled = jacobian * root[:, None]
     normal = scaled.T @ scaled
     gradient = scaled.T @ (root * at.w)
-    normal[np.arange(m), np.arange(m)] += 1.0
+    normal[np.diag_indices_from(normal)] += [1.0] * m + [
+        c.precision for c in names
+    ]  # untold, a number stays where it is
     gradient[:m] += at.z
     here = np.array([*at.z, *(at.effects[c.name] for c in names)])
     lowest = here <= np.array([*limits[0], *(c.low for c in names)])
     highest = here >= np.array([*limits[1], *(c.high for c in names)])
     diagonal = np.diag(np.diag(normal))
-    return [_inside(normal + damping * diagonal, gradient, lowest, highest) for damping in dampings]
-
-
-def _inside(normal: Array, gradient: Array, lowest: NDArray[np.bool_], highest: NDArray[np.bool_]) -> Array:
-    """The step that solves the normal equations with those unknowns fixed that it would take out of their limits."""
-    free = np.ones(len(gradient), dtype=bool)
-    step = np.zeros(len(gradient))
-    for _ in range(len(gradient)):
-        scale = np.sqrt(np.diag(normal)[free]) + 1e-12
-        a = normal[np.ix_(free, free)] / np.outer(scale, scale) + 1e-9 * np.eye(int(free.sum()))
-        step[:] = 0.0
-        step[free] = -np.linalg.solve(a, gradient[free] / scale) / scale
-        leaving = free & ((lowest & (step < 0.0)) | (highest & (step > 0.0)))
-        if not leaving.any():
-            break
-        free &= ~leaving
-    return step
+    return [inside(normal + damping * diagonal, gradient, lowest, highest) for damping in dampings]
 
 
 def _broyden(nz: Array, old: Point, new: Point, columns: Array, names: Sequence[Coordinate]) -> None:

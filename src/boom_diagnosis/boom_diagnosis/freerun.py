@@ -14,6 +14,7 @@ from boom_estimation.currents import held_inputs
 from boom_estimation.free_run import FreeRun, plant_for, predict
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine
+from boom_model.plant import FAST
 from boom_model.sensors import OUTPUTS
 from boom_model.structure import CURRENTS
 from boom_recording.recording import Recording
@@ -23,6 +24,8 @@ Errors = tuple[float, ...]
 """One per output."""
 COMPARED = 0.9
 """Share of the samples that a run must reach to be compared with them."""
+DRAWS = 16
+"""Of noise, for what it leaves in a free run."""
 UNKNOWN: Errors = (float("nan"),) * len(OUTPUTS)
 
 
@@ -90,7 +93,10 @@ def errors(span: Span, run: FreeRun) -> Errors:
 
 
 def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
-    """The errors that the sensors' noise and that of the currents would leave if the model were exactly right."""
+    """The errors that the sensors' noise and that of the currents would leave if the model were exactly right.
+
+    Root mean square of ``DRAWS``: the angle's, in which the currents' noise adds up, differs from one to the next threefold.
+    """
     recording = span.recording
     plant = plant_for(recording, machine, "full")
     currents = replace(held_inputs(recording, plant.machine), strays=span.strays)
@@ -101,17 +107,19 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
         shown["angle"], shown["hose_pressure"], shown["rod_pressure"], inputs=currents.at(0.0)
     )
     grid = np.arange(currents.time[0], min(span.end, currents.time[-1]), 0.01)
-    noisy, given = currents.drawn(rng), currents.values[:, : len(CURRENTS)]
-    noisy[:, : len(CURRENTS)] += CURRENT_NOISE * rng.standard_normal(given.shape) * (given > 0.05)
+    given = currents.values[:, : len(CURRENTS)]
+    inside, squares = grid >= span.start, np.zeros(len(OUTPUTS))
     try:
-        exact = plant.run(currents.time, currents.values, grid, x0).outputs
-        other = plant.run(currents.time, noisy, grid, x0).outputs
+        exact = plant.run(currents.time, currents.values, grid, x0, tolerance=FAST).outputs
+        for _ in range(DRAWS):
+            noisy = currents.drawn(rng)
+            noisy[:, : len(CURRENTS)] += CURRENT_NOISE * rng.standard_normal(given.shape) * (given > 0.05)
+            other = plant.run(currents.time, noisy, grid, x0, tolerance=FAST).outputs
+            measured = machine.sensor_noise().outputs(other, rng)
+            squares += np.mean((measured[inside] - exact[inside]) ** 2, axis=0) / DRAWS
     except SimulationError:
         return UNKNOWN
-    measured = machine.sensor_noise().outputs(other, rng)
-    inside = grid >= span.start
-    error = np.sqrt(np.mean((measured[inside] - exact[inside]) ** 2, axis=0)) / span.spread()
-    return tuple(error.tolist())
+    return tuple((np.sqrt(squares) / span.spread()).tolist())
 
 
 def median(rows: Sequence[Errors]) -> Errors:

@@ -9,7 +9,7 @@ from math import erfc, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, NEAR_FLOOR, OPEN, SURE, WORSE
+from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, NEAR_FLOOR, OPEN, SHOWN, SURE, WORSE
 from boom_diagnosis.document import Estimate, Finding, Fit, Verdict
 from boom_model.catalogue import EFFECTS
 from boom_model.sensors import OUTPUTS
@@ -66,6 +66,19 @@ def _square(error: Sequence[float], noise_floor: Sequence[float]) -> float:
     """Mean over the channels; neither near nor far where no run came to its end."""
     square = (np.array(error, dtype=float) / np.maximum(np.array(noise_floor, dtype=float), 1e-12)) ** 2
     return float(np.mean(square[np.isfinite(square)])) if np.isfinite(square).any() else FAR_FROM_FLOOR**2
+
+
+def shown(held_out: Mapping[str, Sequence[float]], floor: Sequence[float]) -> bool:
+    """Whether what was found takes as much from a channel's free runs over data not used as half of the noise's error is.
+
+    Squares add: p^2 - e^2 > n^2 / 4 with errors p of parameters only, e of what was explained, n of noise.
+    """
+    before, explained, noise = (
+        np.array(v, dtype=float) for v in (held_out["parameters_only"], held_out["explained"], floor)
+    )
+    return bool(
+        np.any(before**2 - explained**2 > (SHOWN * noise) ** 2) or np.any(np.isnan(before) & np.isfinite(explained))
+    )
 
 
 def worse_on_the_whole(held_out: Mapping[str, Sequence[float]]) -> bool:

@@ -33,6 +33,7 @@ TWIN_Z = 2.0
 """Standard deviations that such a number may move: its tolerance."""
 PRECHARGE = 0.05
 """Relative tolerance of a pre-charge pressure that has no ``tol`` (machine notes)."""
+HEAD_SIDE, ROD_SIDE = "cylinder.A_a", "cylinder.A_b"
 GEOMETRY, SEEN = "kinematics.", 1e-3
 """m. A length of the linkage whose tolerance is less than this moves nothing that the sensors see."""
 STROKE_ZERO = "cylinder.l_min"
@@ -63,7 +64,8 @@ _DEFLECTING = ("main_valve_spool.k", "main_valve_spool.K_i")
 class Nuisance:
     """One number: component of the parameter vector, standard deviation (relative, or absolute where ``shift``).
 
-    together: components that have the same factor, beside one of their own. tail: k of a guess, 0 for a normal prior.
+    together: components that have the same factor, beside one of their own; ``alike``: that change by the same amount.
+    tail: k of a guess, 0 for a normal prior.
     ends: of its value over the nominal one, or less it where ``shift``. factor: the owner says by which factor it may be off.
     label: what a report calls one that is not the machine's. nominal: of one that belongs to a pose or load.
     """
@@ -77,11 +79,20 @@ class Nuisance:
     factor: bool = False
     label: str = ""
     nominal: float | None = None
+    alike: tuple[str, ...] = ()
 
     @property
     def components(self) -> tuple[str, ...]:
         """All that it moves."""
-        return (self.name, *self.together)
+        return (self.name, *self.together, *self.alike)
+
+    def move(self, numbers: dict[str, float], nominal: Mapping[str, float], z: float) -> None:
+        """``numbers``, those that have been moved, moved by ``z`` standard deviations; ``nominal``: of all that it moves."""
+        for name in (self.name, *self.together):
+            numbers[name] = self.value(numbers.get(name, nominal[name]), z)
+        for name in self.alike:
+            changed = numbers.get(name, nominal[name]) + self.value(nominal[self.name], z) - nominal[self.name]
+            numbers[name] = max(changed, LEAST_SHARE * nominal[name])
 
     @property
     def difference(self) -> bool:
@@ -217,6 +228,11 @@ def masses(known: Sequence[Nuisance]) -> list[Nuisance]:
     """All moments of mass by one factor: the density of the steel, or pounds; of all poses."""
     moments = [n for n in known if n.nominal is not None and not n.shift]
     return [replace(moments[0], together=tuple(n.name for n in moments[1:]))] if len(moments) > 1 else []
+
+
+def bore(known: Sequence[Nuisance]) -> list[Nuisance]:
+    """The area of the piston with that of its rod side, which are pi / 4 (d^2 - d_rod^2): the rod stays."""
+    return [replace(n, alike=(ROD_SIDE,)) for n in known if n.name == HEAD_SIDE]
 
 
 def _relative(parameter: Parameter) -> float:

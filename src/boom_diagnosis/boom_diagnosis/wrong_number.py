@@ -7,7 +7,8 @@ that the tolerances leave, and more than the effects that were found, or as much
 is taken before anything is looked for beside a first effect. Of several that do as well the one that is least off is told, with
 the others: the pins of a linkage do much the same.
 
-Of numbers that are wrong together the moments of mass are looked at, by one factor: tape measure and density make them all.
+Of numbers that are wrong together the moments of mass are looked at, by one factor: tape measure and density make them all; and
+both areas of the cylinder, which one diameter of the piston makes.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 
 from boom_diagnosis.case import Case, Opened
 from boom_diagnosis.hypotheses import Fits
-from boom_diagnosis.nuisances import LARGEST_Z, TWINS, Nuisance, known, masses
+from boom_diagnosis.nuisances import LARGEST_Z, ROD_SIDE, TWINS, Nuisance, bore, known, masses
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.search import Scanner
 from boom_diagnosis.weighing import NEGLIGIBLE, TOO_SMALL
@@ -49,7 +50,8 @@ def with_number_that_explains_all(case: Case) -> Case | None:
 def _wrong(case: Case, most: float) -> Case | None:
     """The case with the number that leaves less than ``most`` and is off by less than others that leave no more."""
     if case.opened is None:
-        every = replace(case, nuisances=(*case.nuisances, *known(case.machine, case.pose), *masses(case.nuisances)))
+        numbers = (*case.nuisances, *known(case.machine, case.pose))
+        every = replace(case, nuisances=(*numbers, *masses(numbers), *bore(numbers)))
         tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(case, every)]
         case.opened = in_parallel(lambda pair: _fitted(*pair, case.floor), tried)
     able = [o for o in case.opened if o.rest < most and abs(o.away) > LARGEST_Z * o.number.sigma]
@@ -72,6 +74,8 @@ def in_words(wrong: Sequence[str], instead: Sequence[str] = ()) -> str:
     first, *others = wrong
     if not others:
         return f"{' or '.join([first, *instead])} is wrong in the machine file"
+    if ROD_SIDE in others:
+        return f"{first} and {ROD_SIDE} are wrong in the machine file, by one amount, as of another piston; {first}"
     return f"{', '.join(wrong[:-1])} and {wrong[-1]} are wrong in the machine file, all by one factor; {first}"
 
 

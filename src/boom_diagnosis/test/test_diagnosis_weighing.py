@@ -79,7 +79,7 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
         ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.08, "mu": 0.3, "eta": 1.0, "sag": 0.0}}, 0.0, False),
         ({"boom_flexibility": {"gain": 0.02, "f": 2.0, "zeta": 0.02, "mu": 0.3, "eta": 1.0, "sag": 0.0}}, 0.0, True),
         ({"rate_scale": {"a": 0.9}}, 0.0, True),
-        ({"compensator_droop": {"k": 0.0}}, 0.0, True),  # fitted to nothing: no number is told of it
+        ({"compensator_droop": {"k": 0.0, "n": 2.0}}, 0.0, True),  # fitted to nothing: no number is told of it
         ({"hose_burst_valve_lag": {"tau": 0.44}}, 0.0, True),
         ({"hose_burst_valve_lag": {"tau": 0.46}}, 0.0, False),  # as large as any that is looked for
         (

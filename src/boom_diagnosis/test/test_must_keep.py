@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from boom_diagnosis.document import Estimate, Finding, Fit
-from boom_diagnosis.must_keep import as_far_by_chance, kept, told, worse_on_the_whole
+from boom_diagnosis.must_keep import as_far_by_chance, kept, shown, told, worse_on_the_whole
 
 FLOOR = (0.01, 0.02, 0.02, 0.03)
 
@@ -91,6 +91,18 @@ def test_what_makes_held_out_runs_worse_on_the_whole_is_not_what_is_missing(
     explained: tuple[float, ...], worse: bool
 ) -> None:
     assert worse_on_the_whole(fit(explained).held_out) is worse
+
+
+@pytest.mark.parametrize(
+    ("plain", "explained", "seen"),
+    [((0.020, 0.02, 0.02, 0.02), (0.0195, 0.02, 0.021, 0.019), False), ((0.012, 0.02, 0.02, 0.02), (0.01, 0.02, 0.02, 0.02), True),
+     ((float("nan"), 0.02, 0.02, 0.02), (0.3, 0.02, 0.02, 0.02), True)],
+    ids=["within the noise", "by more than half of it", "only parameters alone end early"],
+)  # fmt: skip
+def test_an_effect_shows_where_free_runs_come_nearer_by_half_the_noise(
+    plain: tuple[float, ...], explained: tuple[float, ...], seen: bool
+) -> None:
+    assert shown({"parameters_only": plain, "explained": explained}, (0.0105, 0.02, 0.02, 0.02)) is seen
 
 
 def test_a_run_that_ends_early_is_worse_than_any_error() -> None:

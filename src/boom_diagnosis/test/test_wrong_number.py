@@ -1,6 +1,6 @@
 """A number of the machine file that is wrong, in the command's own search."""
 
-from math import exp
+from math import exp, log
 
 import pytest
 from test_diagnosis import noisy, tz17
@@ -9,7 +9,7 @@ from boom_diagnosis import answer, wrong_number
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.case import Case, Opened, case_of
 from boom_diagnosis.must_keep import by_free_runs
-from boom_diagnosis.nuisances import Nuisance, known, tolerances
+from boom_diagnosis.nuisances import Nuisance, bore, known, tolerances
 from boom_diagnosis.run import diagnose
 from boom_diagnosis.wrong_number import in_words
 from boom_estimation.free_run import plant_for
@@ -124,3 +124,18 @@ def test_an_effect_that_has_less_than_free_runs_give_to_parameters_alone_is_drop
     assert result.document.findings == ()
     assert "pilot_lag" not in result.explained.effects
     assert [row.effect for row in result.document.ranking if row.effect] == []
+
+
+def test_another_piston_changes_both_areas_by_one_amount_and_its_rod_side_never_vanishes() -> None:
+    pose = plant_for(noisy(tz17(), 3.0, 1), tz17(), "full").pose
+    (of_both,) = bore(tolerances(tz17(), pose))
+    nominal = {"cylinder.A_a": 0.01, "cylinder.A_b": 0.006}
+    moved = dict[str, float]()
+    of_both.move(moved, nominal, log(1.2) / of_both.sigma)
+    assert moved == pytest.approx({"cylinder.A_a": 0.012, "cylinder.A_b": 0.008})
+    less = dict[str, float]()
+    of_both.move(less, nominal, log(0.2) / of_both.sigma)
+    assert 0.0 < less["cylinder.A_b"] < 0.1 * nominal["cylinder.A_b"]
+    assert in_words(of_both.components).startswith(
+        "cylinder.A_a and cylinder.A_b are wrong in the machine file, by one amount"
+    )

@@ -84,10 +84,7 @@ class BagValidation:
             return ""
         if self.compared_s < SHORTEST:
             return f"{self.compared_s:.2g} s are too few, at least {SHORTEST:g} s are needed"
-        angle = self.recording.signals["angle"].values[self._compared]
-        if np.ptp(angle) < LEAST_MOTION:
-            return f"the boom did not move (by {np.ptp(angle):.2g} rad, at least {LEAST_MOTION:g} rad are needed)"
-        return ""
+        return at_rest(self.recording.signals["angle"].values[self._compared])
 
     @property
     def agrees(self) -> bool:
@@ -160,6 +157,16 @@ def validate(recording: Recording, machine: Machine, *, simulated: Recording | N
     derived = [sensor.judging for sensor in PREDICTED if told[sensor.name].derived_from]
     limits = Metrics({**limits.document(), **dict.fromkeys(derived)})
     return BagValidation(recording, full, reduced, difference, limits)
+
+
+def at_rest(angle: NDArray[np.float64]) -> str:
+    """That a boom with these angles (n,) [rad] did not move, in words; empty if it did."""
+    moved = float(np.ptp(angle)) if len(angle) else 0.0
+    return (
+        f"the boom did not move (by {moved:.2g} rad, at least {LEAST_MOTION:g} rad are needed)"
+        if moved < LEAST_MOTION
+        else ""
+    )
 
 
 def noise_limits(machine: Machine, *, both: bool = False) -> Metrics:

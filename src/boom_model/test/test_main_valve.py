@@ -77,9 +77,10 @@ def test_a_limit_of_the_stroke_holds_the_edges_of_its_side_where_they_would_open
         assert e.through("metering_position", x * S_MAX, p=p) == pytest.approx(edges * S_MAX)
 
 
-def test_droop_takes_supply_flow_only(p: Any, effects: Any) -> None:
-    e, (head, rod, _) = effects(compensator_droop={"k": 0.5}), valve(p, effects(), -1.0)
-    assert valve(p, e, -1.0)[:2] == (pytest.approx(head * (1 - 0.5 * (head / 2e-3) ** 2)), rod)
+@pytest.mark.parametrize("n", [1.0, 1.4, 2.0])
+def test_droop_takes_supply_flow_only(n: float, p: Any, effects: Any) -> None:
+    e, (head, rod, _) = effects(compensator_droop={"k": 0.5, "n": n}), valve(p, effects(), -1.0)
+    assert valve(p, e, -1.0)[:2] == (pytest.approx(head * (1 - 0.5 * (head / 2e-3) ** n)), rod)
 
 
 def test_pump_limit_caps_full_flow_and_spares_small(p: Any, effects: Any) -> None:

@@ -232,10 +232,18 @@ class _Failures:
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, OSError):
-            full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-            reason = (
-                "the disk is full: make room; what was written so far can be read"
-                if full
-                else f"writing failed: {error.strerror}"
-            )
+            reason = f"writing failed: {error.strerror}"
+            if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                left = "nothing was written" if self._emptied() else "what was written so far can be read"
+                reason = f"the disk is full: make room; {left}"
             raise RecordingError(f"{self._path}: {reason}") from None
+
+    def _emptied(self) -> bool:
+        """Whether there is nothing in the bag; its name is free again then."""
+        files = [*self._path.iterdir()]
+        if any(file.stat().st_size for file in files):
+            return False
+        for file in files:
+            file.unlink()
+        self._path.rmdir()
+        return True

@@ -191,7 +191,9 @@ def _damage(damage: Damage, start_ns: int) -> str:
 
 
 def _cut(bag: bag_folder.BagFiles, missing: int, duration: float) -> str:
-    text = f"cut at {duration:.1f} s: the file was not closed (recorder killed, or copied only in part)"
+    text = (
+        f"cut at {duration:.1f} s: the file was not closed (recorder killed or still running, or copied only in part)"
+    )
     if bag.promised_duration_s is None or bag.promised_messages is None:
         return text + "; what followed is lost"
     promise = f"; metadata.yaml promises {bag.promised_duration_s:.1f} s, "

@@ -157,6 +157,7 @@ class ReplayNode(Node):
         self._complete_since: float | None = None
         self._last_tick = 0.0
         self._unheard = False
+        self._followers = set[bytes]()
         self._sent = 0
         self._state, self._told_missing = "waiting", list[str]()
         self._diagnostics = DiagnosticsPublisher(self, self._health)
@@ -194,12 +195,30 @@ class ReplayNode(Node):
             )
 
     def _count_listeners(self) -> None:
+        following = self._following()
+        self._followers = self._followers or following
+        if self._followers and self._followers.isdisjoint(following):
+            self._state = "failed"
+            self._pacer.stop()
+            shell.finish(
+                2,
+                f"what followed {self._topic} has gone after {self._sent} messages: what comes in its place is not moved by "
+                "the rest. Start it, and then the replay again",
+            )
+            return
         listeners, wanted = self._output.get_subscription_count(), self._values.wait_for
         if listeners < wanted and not self._unheard:
             self.get_logger().warning(
                 f"{listeners} of {wanted} subscribers of {self._topic} left: has one of them died?"
             )
         self._unheard = listeners < wanted
+
+    def _following(self) -> set[bytes]:
+        """Ends of the topic at nodes that answer: a crane has joint states, a controller commands."""
+        answer = JOINT_STATES if self._commands else CURRENT_COMMAND
+        nodes = {(info.node_name, info.node_namespace) for info in self.get_publishers_info_by_topic(answer)}
+        ends = self.get_subscriptions_info_by_topic(self._topic)
+        return {bytes(info.endpoint_gid) for info in ends if (info.node_name, info.node_namespace) in nodes}
 
     def _wait(self) -> None:
         missing = self._missing()
@@ -256,7 +275,7 @@ class ReplayNode(Node):
             self._last_tick = time.monotonic()
             self._send(self._lockstep.first())
             return
-        self._state = "replaying"
+        self._state, self._followers = "replaying", self._following()
         self._thread = threading.Thread(target=self.guarded("replay", self._play), daemon=True)
         self._thread.start()
 

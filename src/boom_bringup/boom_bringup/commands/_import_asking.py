@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from boom_bringup.cli import UsageError
+from boom_bringup.showing import asked
 
 if TYPE_CHECKING:
     from boom_import.assembly import Proposal
@@ -37,7 +38,7 @@ def _choice(texts: list[str]) -> int:
         print(f"  {number}  {text}")
     for _ in range(5):
         try:
-            answer = input(f"which? [1-{len(texts)}] ").strip()
+            answer = asked(f"which? [1-{len(texts)}] ")
         except EOFError:
             break
         if answer.isdigit() and 1 <= int(answer) <= len(texts):

@@ -31,6 +31,7 @@ from boom_bringup.outputs import (
     write_recording,
     write_text,
 )
+from boom_bringup.showing import asked
 from boom_input.shown import typable
 
 if TYPE_CHECKING:
@@ -194,7 +195,10 @@ def _settle(proposal: Proposal, written: Path, args: argparse.Namespace) -> None
         return
     elif not asking:
         raise UsageError(f"{args.files[0]}: take this mapping with --yes, or edit {written}, then: {again}")
-    answer = "y" if args.yes else input("import with this mapping? [Y/n] ").strip().lower()
+    try:
+        answer = "y" if args.yes else asked("import with this mapping? [Y/n] ").lower()
+    except EOFError:
+        answer = "n"
     if answer not in ("", "y", "yes"):
         raise UsageError(f"not imported: edit {written}, then: {again}")
 

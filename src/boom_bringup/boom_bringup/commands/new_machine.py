@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, checked_json, refuse_existing, write_json, write_new_text
+from boom_bringup.showing import asked
 from boom_model.owner.questions import BY_KEY, QUESTIONS, Answer, checked_answers, open_questions
 
 if TYPE_CHECKING:
@@ -163,7 +164,7 @@ def _asked(key: str) -> Answer:
     hint = ", ".join(text for text in hints if text)
     for _ in range(5):
         try:
-            typed = input(f"{question.text} [{hint}]: ").strip()
+            typed = asked(f"{question.text} [{hint}]: ")
         except EOFError:
             break
         if not typed and question.proposal is not None:

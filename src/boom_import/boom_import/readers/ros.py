@@ -51,7 +51,9 @@ def read_mcap(path: Path, progress: Progress) -> Source:
         declared.append({topic.topic for topic in file.topics.values()})
         notes += [damage.what for damage in file.damages[:4]]
         if not file.complete:
-            notes.append("the file was not closed (recorder killed, or copied only in part): it is read up to its end")
+            notes.append(
+                "the file was not closed (recorder killed or still running, or copied in part): it is read up to its end"
+            )
     foreign.flush()
     if not any(declared) and len(notes) > len(bag.warnings):
         raise ImportingError(

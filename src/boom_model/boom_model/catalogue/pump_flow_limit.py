@@ -23,8 +23,9 @@ def _supply(flow: Expression, own: Any, at: Any) -> Expression:
     return flow * under_limit(flow * own.inverse_q_max * falls, own.w)
 
 
-# It does nothing up to some size and soon far too much, hence many starts and shares. The watch looks as far as it takes to see
-# anything: a pump of 120 l/min limits nothing that the valve asks.
+# Softer than w = 1 / 2, with a third missing at the limit, it is a droop. It does nothing up to some size and soon far too much,
+# hence many starts and shares. The watch looks as far as it takes to see anything: a pump of 120 l/min limits nothing that the
+# valve asks.
 EFFECT = Effect(
     "pump_flow_limit", "supply", "5.39l,m", "supply flow q / (1 + (q / q_max (p / 100 bar)^s)^(1/w))^w, p of the pump",
     ("the pump", "cannot deliver the flow that the valve asks for"), "speed saturates",
@@ -32,7 +33,7 @@ EFFECT = Effect(
         parameter("inverse_q_max", "s/m^3", 0.0, (60_000 / 120, 60_000 / 50), (0.0, 60_000.0),
                   "1 / largest flow that the pump has left for the boom, at 100 bar", almost_nothing=60_000 / 400,
                   starts=tuple(60_000 / q for q in (120, 100, 85, 70, 60, 50, 42, 35, 28, 22, 17, 13))),
-        parameter("w", "-", STOP, (STOP, 0.25), (0.01, 1.0), "how softly it sets in", positive=True),
+        parameter("w", "-", STOP, (STOP, 0.25), (0.01, 0.5), "how softly it sets in", positive=True),
         parameter("s", "-", 0.0, (0.0, 1.0), (0.0, 3.0), "how it falls with the pump's pressure: 0 a flow, 1 a power"),
     ),
     {"supply_flow": _supply},

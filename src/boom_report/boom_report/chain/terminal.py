@@ -8,6 +8,7 @@ from rich.table import Table
 from rich.text import Text
 
 from boom_checks.chain import ChainStudy, RecordingChain
+from boom_report import events
 from boom_report.chain.figures import link_row
 from boom_report.doubts import check_lines, damage_lines
 
@@ -27,6 +28,8 @@ def _print(chain: RecordingChain, console: Console) -> None:
     console.print(Text.assemble((chain.recording.name, "bold"), ": ", chain.sentence), soft_wrap=True)
     for line in (*damage_lines(chain.recording), *check_lines(chain.checks)):
         console.print(Text(f"  {line}", "yellow"), soft_wrap=True)
+    for line in events.summary(chain.recording.events):
+        console.print(Text(f"  {line}"), soft_wrap=True)
     if chain.links:
         table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
         for k, head in enumerate(HEADS):
