@@ -196,3 +196,8 @@ def test_wrong_input_is_one_line_and_status_2(bags, output, tmp_path, words, sai
     assert said.format(tmp=tmp_path) in error and error.count("\n") == 1
     assert not (tmp_path / "o").exists(), "refused before any work"
     assert (tmp_path / "theirs" / "report.html").read_text() == "theirs"
+
+
+def test_the_folder_of_the_recordings_is_no_output(bags, capsys):
+    assert cli.main(["fleet", str(bags), "--output", f"{bags}/."]) == 2
+    assert "the recordings lie there" in capsys.readouterr().err

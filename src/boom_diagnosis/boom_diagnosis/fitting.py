@@ -365,9 +365,8 @@ def gauss_newton(
     scaled = jacobian * root[:, None]
     normal = scaled.T @ scaled
     gradient = scaled.T @ (root * at.w)
-    normal[np.diag_indices_from(normal)] += [1.0] * m + [
-        c.precision for c in names
-    ]  # untold, a number stays where it is
+    precision = [1.0] * m + [c.precision for c in names]  # what nothing tells stays where it is
+    normal[np.diag_indices_from(normal)] += precision
     gradient[:m] += at.z
     here = np.array([*at.z, *(at.effects[c.name] for c in names)])
     lowest = here <= np.array([*limits[0], *(c.low for c in names)])

@@ -75,6 +75,8 @@ def run(args: argparse.Namespace) -> int:
     """Screen, compare, diagnose; returns 0 whatever is found, 1 where nothing could be screened."""
     if args.workers < 1:
         raise UsageError(f"--workers {args.workers}: give 1 or more")
+    if any(os.path.realpath(folder) == os.path.realpath(args.output) for folder in args.folders):
+        raise UsageError(f"--output {args.output}: the recordings lie there: give another folder")
     if args.publish and os.path.lexists(args.publish):
         raise UsageError(f"{args.publish} exists already: give another --publish, nothing is overwritten")
     if args.machine and "://" not in args.machine:

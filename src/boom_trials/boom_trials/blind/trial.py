@@ -206,9 +206,8 @@ def stored(folder: Path) -> TrialState | None:
     try:
         return TrialState(**json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError) as error:
-        raise TrialError(
-            f"{path}: cannot be understood ({error}): remove the folder or give another --output"
-        ) from None
+        why = error.strerror if isinstance(error, OSError) else "it is not the state of a trial"
+        raise TrialError(f"{path}: cannot be understood, {why}: remove the folder or give another --output") from None
 
 
 def diagnose(case: Path, decides: str = ROUNDS) -> float:
