@@ -28,6 +28,13 @@ def test_an_effect_is_told_where_an_interval_leaves_out_that_it_does_nothing(
     assert told("valve_hysteresis", {"h": Estimate(0.01, "-", interval)}) is expected
 
 
+@pytest.mark.parametrize(("interval", "expected"), [((6e-8, 3.5e-5), False), ((2e-7, 3.5e-5), True)])
+def test_a_size_sought_by_its_logarithm_is_told_where_its_interval_leaves_out_some_of_what_is_plausible(
+    interval: tuple[float, float], expected: bool
+) -> None:
+    assert told("presliding_friction", {"compliance": Estimate(1e-6, "rad/(N m)", interval)}) is expected
+
+
 def test_a_load_in_two_steps_is_told_where_one_of_its_masses_is() -> None:
     first = Estimate(86.0, "kg", (-13.0, 185.0))
     assert told("payload_change", {"mass": first, "mass_2": Estimate(74.0, "kg", (16.0, 133.0))})
