@@ -39,7 +39,7 @@ def machine() -> Machine:
 def test_a_load_that_is_carried_at_rest_is_known_within_a_second(machine: Machine, load: float) -> None:
     pose = machine.pose(0.28, 2.2)
     model = ControlModel(machine, pose)
-    observer = LoadObserver(Modes(machine, pose, model.p))
+    observer = LoadObserver(Modes(machine, pose, model.p), model.p)
     settings = SimpleNamespace(**vars(S), **observer.gains(S))
     x = observer.start
     truth = ControlModel(machine, replace(pose, load=load))
@@ -50,6 +50,21 @@ def test_a_load_that_is_carried_at_rest_is_known_within_a_second(machine: Machin
         q = model.at(at_rest._replace(hose_pressure=float(pressure), load=float(x.load)))
         x = observer.step(x, q, Measurement(0.0, 0.4, 0.0, float(pressure), 0.0), 0.0, settings)
     assert float(x.load) == pytest.approx(load, abs=5.0)
+
+
+@pytest.mark.parametrize(("inertia", "left"), [(8000.0, 4000.0), (60_000.0, None)])
+def test_no_estimated_load_leaves_a_light_boom_without_inertia(
+    machine: Machine, inertia: float, left: float | None
+) -> None:
+    """A valve that holds the load shows the pressure of a hose that is being filled: the boom seems to weigh next to nothing."""
+    pose = replace(machine.pose(0.28, 2.2), D0=inertia)
+    model = ControlModel(machine, pose)
+    observer = LoadObserver(Modes(machine, pose, model.p), model.p)
+    settings = SimpleNamespace(**vars(S), **observer.gains(S))
+    q = model.at(OperatingPoint(0.4, 0.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0))
+    x = observer.step(observer.start._replace(load=-1e4), q, Measurement(0.0, 0.4, 0.0, 0.0, 0.0), 0.0, settings)
+    reach = pose.tip[0] ** 2 + pose.tip[1] ** 2
+    assert float(x.load) == pytest.approx(-500.0 if left is None else (left - inertia) / reach)
 
 
 @pytest.mark.parametrize("softer", [1.0, 2.5, 5.0])

@@ -162,7 +162,7 @@ class Improved:
         play = Play(machine.effects, self._stroke, neutral)
         self._valve = follower_of(machine, self.mode, p, e, dead_zone, settings.sample_time, play)
         self._settings = settings
-        self._load = LoadObserver(Modes(machine, pose, p))
+        self._load = LoadObserver(Modes(machine, pose, p), p)
         self._spread = deflection_sigma(machine, pose)
         self._start = ImprovedState(
             load=self._load.start,

@@ -17,6 +17,7 @@ from boom_controller.blocks.control_model import ModelQuantities
 from boom_controller.blocks.limits import limited
 from boom_controller.observers.mode_observer import Modes
 from boom_controller.types import Measurement
+from boom_model.components.equation_of_motion import inertia
 from boom_model.regularisation import Expression
 
 LEAST_EFFECT = 1e-4
@@ -25,6 +26,8 @@ SAFE_POLE = -2.0
 """1/s. Once an oscillation was recognised: far below what bends or swings."""
 LIGHTEST = -500.0
 """kg. Allowed below the configured load, because wrong friction may look like that."""
+LEAST_INERTIA = 0.5
+"""Share of the boom's inertia that no such load takes away: a light boom would be left with none, and the law with no number."""
 
 
 class LoadState(NamedTuple):
@@ -38,8 +41,10 @@ class LoadState(NamedTuple):
 class LoadObserver:
     """The observer of a machine, with the modes that its file tells; ``gains``: slow, fast, safe, see :meth:`gains`."""
 
-    def __init__(self, modes: Modes) -> None:
+    def __init__(self, modes: Modes, p: Any) -> None:
         self.modes = modes
+        own, reach = float(inertia(p.pose.load, p)), float(p.pose.tip[0] ** 2 + p.pose.tip[1] ** 2)
+        self._lightest = max(LIGHTEST, (LEAST_INERTIA - 1.0) * own / reach)
         self.start = LoadState(modes=modes.start)
 
     def gains(self, s: Any) -> dict[str, float]:
@@ -73,7 +78,7 @@ class LoadObserver:
         load = x.load + t * gain(1) * surprise * effect / (effect * effect + LEAST_EFFECT * LEAST_EFFECT)
         own = tuple(gain(2 + k) for k in range(len(x.modes)))
         return LoadState(
-            limited(load, LIGHTEST, s.largest_load),
+            limited(load, self._lightest, s.largest_load),
             x.rate + t * (acceleration + gain(0) * surprise),
             self.modes.after(x.modes, own, surprise, t, *point),
         )
