@@ -22,7 +22,7 @@ from boom_node.commands import LONGEST_SILENCE_S
 from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.emergency_stop import EmergencyStop
 from boom_node.errors import StartError
-from boom_node.joint_state import named_twice
+from boom_node.joint_state import angle_and_rate, named_twice
 from boom_node.node import LifecycleNode
 from boom_node.publishers import COMMANDS, SETTLE_S, SolePublishers
 from boom_node.realtime import Garbage, WakeUpLatency, use_core, use_priority
@@ -226,14 +226,10 @@ class ControllerNode(LifecycleNode):
         if self._loop is None or named_twice(self.guard, "/joint_states", message, self._values["joint_name"]):
             return
         self._others.take(message.name, message.position)
-        try:
-            k = list(message.name).index(self._values["joint_name"])
-            angle, rate = message.position[k], message.velocity[k]
-        except (ValueError, IndexError):
-            return  # of other joints, or without the rate: it grows old, which is told
-        times = self._times.of("/joint_states", message)
-        if times is not None:
-            self._loop.joint(angle, rate, *times)
+        moved = angle_and_rate(self.guard, "/joint_states", message, self._values["joint_name"])
+        times = self._times.of("/joint_states", message) if moved else None
+        if moved and times is not None:
+            self._loop.joint(*moved, *times)
             self._arrived("joint", to_ns(message.header.stamp))
 
     def _on_pressure(self, name: str, message: FluidPressure) -> None:

@@ -13,3 +13,15 @@ def named_twice(guard: Guard, topic: str, message: JointState, joint: str) -> bo
     if twice:
         guard.refuse(topic, "the joint stands in one message several times", "give it once")
     return twice
+
+
+def angle_and_rate(guard: Guard, topic: str, message: JointState, joint: str) -> tuple[float, float] | None:
+    """Position and velocity of the joint; None of other joints, and where one of the two is missing, which is told."""
+    if joint not in message.name:
+        return None
+    k = list(message.name).index(joint)
+    for what, values in (("position", message.position), ("velocity, a gyro's rate,", message.velocity)):
+        if k >= len(values):
+            guard.refuse(topic, f"the joint's {what} is missing", "the controller needs both")
+            return None
+    return message.position[k], message.velocity[k]

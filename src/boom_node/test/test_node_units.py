@@ -1,11 +1,15 @@
 """The parts of boom_node that need no process."""
 
+from types import SimpleNamespace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sensor_msgs.msg import JointState
 
 from boom_node import stamps
 from boom_node.errors import StartError
+from boom_node.joint_state import angle_and_rate
 from boom_node.parameters import ParameterSpec, check_files, nearest
 
 
@@ -85,3 +89,17 @@ def test_a_parameter_file_that_is_none_is_refused(tmp_path) -> None:
     file.write_text("a: 1\n")
     with pytest.raises(StartError, match="ros__parameters"):
         check_files(["--params-file", str(file)], "/controller")
+
+
+@pytest.mark.parametrize(
+    ("position", "velocity", "expected"),
+    [([0.3, 0.5], [0.0, 0.1], (0.5, 0.1)), ([0.3, 0.5], [], None), ([], [], None)],
+)
+def test_a_joint_state_without_a_gyros_rate_is_refused_by_what_is_missing(position, velocity, expected):
+    said = []
+    guard = SimpleNamespace(refuse=lambda topic, reason, detail="": said.append(reason))
+    message = JointState(name=["other", "boom"], position=position, velocity=velocity)
+    assert angle_and_rate(guard, "/joint_states", message, "boom") == expected
+    assert angle_and_rate(guard, "/joint_states", message, "third") is None
+    missing = "velocity, a gyro's rate," if position else "position"
+    assert said == ([] if expected else [f"the joint's {missing} is missing"])

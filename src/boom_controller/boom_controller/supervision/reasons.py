@@ -46,7 +46,7 @@ REASONS: dict[str, Reason] = {
         Reason("pressure_stays", "a pressure stays above what is allowed although the boom is being brought to rest", "currents",
                "look whether both pressures can be right before reducing the load or the speed"),
         Reason("missed_deadlines", "cycles came too late or not at all", "currents",
-               "free the processor, or run the node with realtime_priority"),
+               "free the processor, or run the node with realtime_priority; sensors slower than `sample_time` need a longer one"),
         Reason("divergence", "the boom is far from its reference, or the control law gave no number", "currents",
                "look at the last motion before the next one"),
         Reason("no_motion", "the valve is wide open and the boom does not move", "currents",

@@ -82,7 +82,11 @@ class MotionWatch:
                 f"{1e3 * gap:.0f} ms between two cycles, more than {1e3 * self.settings.longest_cycle:.0f} ms",
             )
         if len(self._missed) >= self.settings.most_missed:
-            return StopCause("missed_deadlines", f"{len(self._missed)} periods without a cycle within one second")
+            return StopCause(
+                "missed_deadlines",
+                f"{len(self._missed)} periods without a cycle within one second, the last {1e3 * gap:.0f} ms after the one before: "
+                f"sensors slower than sample_time ({1e3 * period:.0f} ms) need a longer one, else free the processor",
+            )
         return None
 
     def motion(
