@@ -240,10 +240,11 @@ class _Failures:
 
     def _emptied(self) -> bool:
         """Whether there is nothing in the bag; its name is free again then."""
-        files = [*self._path.iterdir()]
+        files = [*self._path.iterdir()] if self._path.is_dir() else []
         if any(file.stat().st_size for file in files):
             return False
         for file in files:
             file.unlink()
-        self._path.rmdir()
+        with contextlib.suppress(FileNotFoundError):  # closed after a failure, or taken away by somebody
+            self._path.rmdir()
         return True
