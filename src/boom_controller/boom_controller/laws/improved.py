@@ -176,10 +176,12 @@ class Improved:
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest: valve centred, nominal oil, no load beyond the configured one."""
+        load, measurement = self._load.resting(measurement)
         hose, rod = measurement.hose_pressure, measurement.rod_pressure
         force = self._model.resting_force(measurement)
         self._law.start(
             self._start._replace(
+                load=load,
                 held=self._start.held.filled(measurement),
                 head=ChamberState(pressure=hose),
                 rod=ChamberState(pressure=rod),
@@ -212,6 +214,7 @@ class Improved:
 
     def _after(self, x: ImprovedState, r: Reference, m: Measurement, s: Any) -> tuple[ImprovedState, list[Expression]]:
         """The law as expressions: states one sample time later; ``ControlOutput`` up to the load, and whether the supply stalls."""
+        r = self._load.wanted(x.load, r)
         now, m, held = x.held.with_next(r, self._model.sample(m), self._model.pressure_delay, s.sample_time)
         m = self._load.seen(x.load, m)
         told = s.command_delay + self._model.command_delay

@@ -16,7 +16,7 @@ import casadi as ca
 from boom_controller.blocks.control_model import ModelQuantities
 from boom_controller.blocks.limits import limited
 from boom_controller.observers.mode_observer import Modes
-from boom_controller.types import Measurement
+from boom_controller.types import Measurement, Reference
 from boom_model.components.equation_of_motion import inertia
 from boom_model.regularisation import Expression
 
@@ -30,12 +30,17 @@ LEAST_INERTIA = 0.5
 """Share of the boom's inertia that no such load takes away: a light boom would be left with none, and the law with no number."""
 
 
+LASTING = 1.0
+"""s. The boom sags under the load that is estimated with this lag: what swings does not move the reference."""
+
+
 class LoadState(NamedTuple):
-    """m^ [kg] beyond the configured load, w^ [rad/s], states of the modes."""
+    """m^ [kg] beyond the configured load, w^ [rad/s], states of the modes, m^ that lasts [kg]."""
 
     load: Expression = 0.0
     rate: Expression = 0.0
     modes: tuple[Expression, ...] = ()
+    lasting: Expression = 0.0
 
 
 class LoadObserver:
@@ -45,7 +50,7 @@ class LoadObserver:
         self.modes = modes
         own, reach = float(inertia(p.pose.load, p)), float(p.pose.tip[0] ** 2 + p.pose.tip[1] ** 2)
         self._lightest = max(LIGHTEST, (LEAST_INERTIA - 1.0) * own / reach)
-        self.start = LoadState(modes=modes.start)
+        self.start = LoadState(modes=(0.0,) * len(modes.names))
 
     def gains(self, s: Any) -> dict[str, float]:
         """Gains for the settings ``s``, by name, for :class:`boom_controller.blocks.flat.FlatLaw`."""
@@ -54,6 +59,15 @@ class LoadObserver:
             gain = self.modes.gain(-pole)
             named |= {f"{word}_{k}": value for k, value in enumerate((gain.rate, gain.missing, *gain.states))}
         return named
+
+    def resting(self, m: Measurement) -> tuple[LoadState, Measurement]:
+        """The state of a boom that rests where the IMU shows this angle, and the sample at the cylinder."""
+        angle, modes = self.modes.at_rest(m.angle)
+        return self.start._replace(modes=modes), m._replace(angle=angle)
+
+    def wanted(self, x: LoadState, r: Reference) -> Reference:
+        """The reference at the cylinder: without what the modes add at rest to the angle where it is measured."""
+        return self.modes.wanted(r, x.lasting)
 
     def seen(self, x: LoadState, m: Measurement) -> Measurement:
         """Angle and rate at the cylinder: without what the modes add to them where they are measured."""
@@ -81,4 +95,5 @@ class LoadObserver:
             limited(load, self._lightest, s.largest_load),
             x.rate + t * (acceleration + gain(0) * surprise),
             self.modes.after(x.modes, own, surprise, t, *point),
+            x.lasting + t / LASTING * (x.load - x.lasting),
         )

@@ -8,6 +8,9 @@ the model misses, from which the load follows) that is a Kalman filter with cons
 
 The gain is that of the boom at rest in the middle of its stroke, from the Riccati equation. Without such an effect it is the load
 observer's own.
+
+A wanted angle is one that the IMU shows, and the law moves the boom at the cylinder: it follows q_2* with q_2* + eta x(q_2*) the
+wanted angle, x at rest (the boom's sag), without the swings around it.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
+from boom_controller.types import Reference
 from boom_model.catalogue import EFFECTS
 from boom_model.catalogue.terms import Terms
 from boom_model.components.equation_of_motion import gravity_torque
@@ -28,6 +32,8 @@ from boom_model.state import State
 
 QUANTITIES = frozenset({"seen_angle", "seen_rate"})
 """Effects that change these bring the modes, with what else they change."""
+STEPS = 3
+"""Fixed-point steps from the angle shown to that at the cylinder; each is some 20 times nearer, for a sag of 50 mrad."""
 DRIVEN, OWN = 3.0, 1.0
 """1/s. How quickly the gyro corrects the filter where the acceleration and where a mode differs from its model."""
 
@@ -63,7 +69,7 @@ class Modes:
     """The modes of a machine in a pose; ``p`` its numbers.
 
     Attributes:
-        names: of the states z. start: their values at rest.
+        names: of the states z.
     """
 
     def __init__(self, machine: Machine, pose: Pose, p: Any) -> None:
@@ -74,7 +80,7 @@ class Modes:
         self._inputs = [ca.SX.sym(name) for name in ("angle", "rate", "inertia", "torque", "missing")]
         self._function = self._built(mine, states, p)
         self.names = tuple(states.symbols)
-        self.start = (0.0,) * len(self.names)
+        self._rest = self._resting(mine, p)
         self._found: dict[float, ModeGain] = {}
 
     def _built(self, effects: Mapping[str, Mapping[str, float]], states: _States, p: Any) -> Any:
@@ -92,6 +98,41 @@ class Modes:
         slopes = ca.jacobian(rates, z)
         values = ca.vertcat(acceleration, seen_angle - angle, seen_rate - rate)
         return ca.Function("modes", [z, ca.vertcat(*self._inputs)], [values, rates, slopes])
+
+    def _resting(self, effects: Mapping[str, Mapping[str, float]], p: Any) -> Any:
+        """(angle shown [rad], load beyond the pose's [kg]) -> (q_2 [rad], its slope and curvature over the former, z) at rest."""
+        shown, further = ca.SX.sym("shown"), ca.SX.sym("further")
+        e = Terms(effects)
+
+        def bent(angle: Any) -> tuple[Any, Any]:
+            values = {"angle": angle, "load": p.pose.load + further}
+            for name in effects:
+                values |= EFFECTS[name].at_rest(values, p, e) if EFFECTS[name].at_rest else {}
+            z = [values.get(name, 0.0) for name in self.names]
+            return self.at(tuple(z), angle, 0.0, 1.0, 0.0, 0.0).angle, z
+
+        angle = shown
+        for _ in range(STEPS if effects else 0):
+            angle = shown - bent(angle)[0]
+        slope = ca.jacobian(angle, shown)
+        values = ca.vertcat(angle, slope, ca.jacobian(slope, shown), *bent(angle)[1])
+        return ca.Function("rest", [shown, further], [values])
+
+    def at_rest(self, shown: float) -> tuple[float, tuple[float, ...]]:
+        """q_2 [rad] and z of a boom that rests with the pose's load where the IMU shows this angle [rad]."""
+        angle, _, _, *z = self._rest(shown, 0.0).full().ravel().tolist()
+        return angle, tuple(z)
+
+    def wanted(self, shown: Reference, load: Expression) -> Reference:
+        """The reference at the cylinder for one of the angle that the IMU shows, with so much load [kg] beyond the pose's."""
+        if not self.names:
+            return shown
+        angle, slope, curvature, *_ = ca.vertsplit(self._rest(shown.angle, load))
+        faster = curvature * shown.rate
+        return Reference(
+            angle, slope * shown.rate, slope * shown.acceleration + faster * shown.rate,
+            slope * shown.jerk + 3 * faster * shown.acceleration,
+        )  # fmt: skip
 
     def at(self, z: tuple[Expression, ...], *inputs: Expression) -> Seen:
         """At z and (q_2 [rad], q_2' [rad/s], D [kg m^2], torque [N m], d [rad/s^2]); expressions."""
@@ -116,14 +157,14 @@ class Modes:
 
     def gain(self, pole: float) -> ModeGain:
         """Constant gain with which d follows as quickly as without modes with both poles at -``pole`` [1/s]."""
-        if not self.start:
+        if not self.names:
             return ModeGain(2.0 * pole, pole * pole, ())
         if pole not in self._found:  # settings that change gradually come here in every cycle
             self._found[pole] = self._riccati(pole)
         return self._found[pole]
 
     def _riccati(self, pole: float) -> ModeGain:
-        count = len(self.start)
+        count = len(self.names)
         z, u = ca.SX.sym("z", count), ca.SX.sym("u", len(self._inputs))
         values, rates, _ = self._function(z, u)
         x = ca.vertcat(u[1], u[4], z)
