@@ -223,7 +223,7 @@ class System:
         self._stack = contextlib.ExitStack()
         domain = self._stack.enter_context(environment.private_domain())
         variables = environment.for_processes(os.environ | {"BOOM_NETWORK": "loopback"}) | {"ROS_DOMAIN_ID": domain}
-        self._folder, self._variables = folder, variables
+        self._folder, self._variables = folder, variables | {"PYTHONFAULTHANDLER": "1"}  # SIGABRT shows where it hangs
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=int(domain))
@@ -444,8 +444,9 @@ class System:
                 process.wait(20.0)
             except subprocess.TimeoutExpired:
                 self._fail("not answering", f"{name} to SIGTERM")
-                process.kill()
-                process.wait()
+                process.send_signal(signal.SIGABRT)
+                process.wait(20.0)
+                print((self._folder / f"{name}.log").read_text(errors="replace")[-3000:])
         self._running = False
         self._thread.join()
         # Our own node stays: to take away a writer that has sent damaged bytes is a segmentation fault in Fast DDS 2.14.

@@ -9,6 +9,9 @@ from typing import Any
 from boom_controller.errors import ControlError
 from boom_node.parameters import ParameterSpec
 
+QUICKEST = 0.6
+"""Largest rate of a feedback or an observer [1/s] times the sample time: at 60 1/s and samples 30 ms apart the boom would swing."""
+
 
 def tunable(default: float, unit: str, minimum: float, maximum: float, description: str) -> Any:
     """A field of :class:`Tunables`: default in ``unit``, allowed range (both ends included), meaning in a phrase."""

@@ -166,6 +166,17 @@ def test_a_stream_that_the_boom_cannot_follow_is_limited_in_its_rate_and_said(bo
     assert "the boom cannot move faster" in boom.last.reason
 
 
+def test_sensors_that_are_slower_than_the_sample_time_are_said_before_anything_moves(boom: Boom) -> None:
+    boom.run(0.5)
+    for _ in range(30):  # every other sample is missing
+        boom.period()
+        boom.now += TS
+    with pytest.raises(TrajectoryError, match="samples come every 20 ms and sample_time is 10 ms: .*sample_time:=0.02"):
+        boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
+    boom.run(0.5)
+    boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
+
+
 def test_a_stream_that_begins_far_away_is_not_followed(boom: Boom) -> None:
     boom.wanted = lambda _: 0.5
     boom.run(0.5)

@@ -9,6 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from boom_controller.controller import Settings, make_controller
+from boom_controller.types import Reference
+from boom_model.machine_file import load_machine
+from boom_model.plant import Plant
+from boom_model.sensors import IDEAL
+from boom_trials.robustness.crane import TrialCrane, carried_out, start_state
 from boom_trials.robustness.oscillation import SAFE, oscillation_of
 from boom_trials.robustness.plants import DEAD_ZONE, SPRING, PlantCase
 from boom_trials.robustness.requirements import PUMP
@@ -77,3 +83,50 @@ def test_a_motion_that_rings_down_is_no_oscillation() -> None:
     time = np.arange(0.0, 10.0, T)
     error = 2e-3 * np.exp(-3.0 * time) * np.sin(2 * pi * 2.0 * time)
     assert isnan(oscillation_of(error, T, None, stopped=False).recognised)
+
+
+def minimum_jerk(begin: float, end: float, duration: float, period: float, rest: float) -> list[Reference]:
+    """At rest for ``rest`` [s], the polynomial of least jerk, and at rest again."""
+    still = round(rest / period)
+    s, way = np.arange(round(duration / period)) * period / duration, end - begin
+    moved = zip(
+        begin + way * s**3 * (10 - 15 * s + 6 * s**2), way / duration * 30 * s**2 * (1 - s) ** 2,
+        way / duration**2 * 60 * s * (1 - 3 * s + 2 * s**2), way / duration**3 * 60 * (1 - 6 * s + 6 * s**2),
+        strict=True,
+    )  # fmt: skip
+    return [Reference(begin)] * still + [Reference(*row) for row in moved] + [Reference(end)] * still
+
+
+@pytest.mark.parametrize("sag", [0.0, 1.0])
+def test_a_boom_that_sags_comes_to_where_its_imu_shows_the_wanted_angle(sag: float) -> None:
+    """The law drives the cylinder's angle, which is 15 to 20 mrad from that of the IMU here."""
+    bends = {"gain": 1.0, "f": 2.0, "zeta": 0.03, "mu": 0.6, "eta": 0.7, "sag": sag}
+    machine = load_machine("tz17").with_effects({"boom_flexibility": bends})
+    pose = machine.pose(0.28, 2.2)
+    plant = Plant(machine, pose)
+    start = start_state(plant, machine, pose, 0.32)
+    shown = float(plant.outputs(start)[0])
+    assert (shown < 0.31) == (sag > 0)
+    references = minimum_jerk(shown, 0.6, 3.0, T, 2.0)
+    crane = TrialCrane(plant, start, len(references), noise=IDEAL)
+    done = carried_out(make_controller("improved", machine, pose, Settings()), crane, references)
+    assert not done.stopped
+    assert abs(done.values["angle"][-1] - 0.6) < 1e-3
+    assert np.abs(done.values["estimated_load"][:100]).max() < 20.0  # a boom that was not known to sag had 3 t
+
+
+@pytest.mark.parametrize("period", [0.02, 0.03, 0.05])
+def test_samples_up_to_50_ms_apart_are_enough(period: float) -> None:
+    machine = load_machine("tz17")
+    pose = machine.pose(0.28, 2.2)
+    plant = Plant(machine, pose)
+    references = minimum_jerk(0.3, 0.7, 3.0, period, 2.0)
+    crane = TrialCrane(
+        plant, start_state(plant, machine, pose, 0.3), len(references), noise=machine.sensor_noise(), period=period
+    )
+    law = make_controller("improved", machine, pose, Settings(sample_time=period))
+    done = carried_out(law, crane, references)
+    assert not done.stopped
+    error = np.abs(done.values["angle"][: len(done.reference)] - done.reference[: len(done.values["angle"])])
+    assert error.max() < 4e-3  # 32 mrad and more with observers of 10 ms
+    assert error[-round(1.0 / period) :].max() < 1e-3

@@ -7,6 +7,9 @@ from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.sensor_set import SensorSet
 from boom_controller.supervision.state_machine import Supervision
 
+SLOWER = 1.4
+"""Times sample_time between two samples: no cycle of every third would have one."""
+
 
 class Interlock:
     """Asked before a motion begins, before it is resumed, and in every cycle of it.
@@ -40,5 +43,11 @@ class Interlock:
             return f"not ready: {self._law.preparing}"
         if self._law.controller is None:
             return "not ready: no /boom/machine_configuration yet"
+        spacing, period = self._sensors.spacing, self._law.settings.sample_time
+        if spacing > SLOWER * period:
+            return (
+                f"not ready: samples come every {1e3 * spacing:.0f} ms and sample_time is {1e3 * period:.0f} ms: start the "
+                f"controller with sample_time:={spacing:.2g}"
+            )
         finding = self.standing(now)
         return f"not ready: {finding.text}" if finding is not None else ""

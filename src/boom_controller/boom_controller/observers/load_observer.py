@@ -16,6 +16,7 @@ import casadi as ca
 from boom_controller.blocks.control_model import ModelQuantities
 from boom_controller.blocks.limits import limited
 from boom_controller.observers.mode_observer import Modes
+from boom_controller.settings import QUICKEST
 from boom_controller.types import Measurement, Reference
 from boom_model.components.equation_of_motion import inertia
 from boom_model.regularisation import Expression
@@ -56,7 +57,7 @@ class LoadObserver:
         """Gains for the settings ``s``, by name, for :class:`boom_controller.blocks.flat.FlatLaw`."""
         named: dict[str, float] = {}
         for word, pole in (("slow", s.load_pole), ("fast", s.load_pole_fast), ("safe", SAFE_POLE)):
-            gain = self.modes.gain(-pole)
+            gain = self.modes.gain(min(-pole, QUICKEST / s.sample_time))
             named |= {f"{word}_{k}": value for k, value in enumerate((gain.rate, gain.missing, *gain.states))}
         return named
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections import deque
+from statistics import median
 
 from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.sensors import MOVES, Agreement, Range, SupervisedSensor
@@ -19,6 +21,8 @@ _DRIFT_T, _DRIFT = 10.0, 2.0
 """s, and times ``largest_disagreement``: an angle that leaves the gyro slowly. A gyro that is 10 % wrong stays below over 1 rad."""
 _NO_CHANGE = 1e-6  # rad/s
 _NO_CHANGE_OF_PRESSURE = 10.0  # Pa
+_INTERVALS = 21
+"""Between samples of the angle, of which the one in the middle tells how often they come."""
 _CURRENT = Range("current", "A", -0.05, 10.0)
 
 
@@ -38,6 +42,7 @@ class SensorSet:
         self.currents = SupervisedSensor("currents", (_CURRENT, _CURRENT))
         self._agreement, self._drift = Agreement(), Agreement(_DRIFT_T)
         self._age, self._turned = 0.0, math.inf
+        self._intervals = deque[float](maxlen=_INTERVALS)
         self._watch_repeats()
 
     def set_stroke(self, low: float, high: float) -> None:
@@ -46,7 +51,9 @@ class SensorSet:
 
     def take_joint(self, angle: float, rate: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
         """Accept angle [rad] and rate [rad/s]. at_rest: the valve is closed; what the gyro does then tells its noise."""
+        before = self.joint.stamp
         if self.joint.take((angle, rate), stamp, measured):
+            self._intervals.append(stamp - before)
             turns = rate if abs(rate) > MOVES else 0.0
             turned, self._turned = turns * max(stamp - self._turned, 0.0), stamp
             self._agreement.update(stamp, angle, rate)
@@ -75,7 +82,13 @@ class SensorSet:
         self._agreement.reset()
         self._drift.reset()
         self._turned = math.inf
+        self._intervals.clear()
         self._watch_repeats()
+
+    @property
+    def spacing(self) -> float:
+        """Time [s] from one sample of the angle to the next; 0 before it is known."""
+        return median(self._intervals) if len(self._intervals) == _INTERVALS else 0.0
 
     def complete(self, most_apart: float) -> bool:
         """True once each has delivered a new sample since :meth:`use`, all within ``most_apart`` [s].
