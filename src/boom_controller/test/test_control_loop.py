@@ -171,7 +171,9 @@ def test_sensors_that_are_slower_than_the_sample_time_are_said_before_anything_m
     for _ in range(30):  # every other sample is missing
         boom.period()
         boom.now += TS
-    with pytest.raises(TrajectoryError, match="samples come every 20 ms and sample_time is 10 ms: .*sample_time:=0.02"):
+    with pytest.raises(
+        TrajectoryError, match=r"samples come every 20 ms and sample_time is 10 ms: .*sample_time:=0.02"
+    ):
         boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
     boom.run(0.5)
     boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)

@@ -1,5 +1,6 @@
-"""Publishes a node's health on /diagnostics: once a second and at once when the level or the text changes."""
+"""Publishes a node's health on /diagnostics: once a second and at once when the level or the words change."""
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -52,9 +53,9 @@ class DiagnosticsPublisher:
         self._timer = node.create_timer(PERIOD_S, self.publish, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def update(self) -> None:
-        """Publish now if level or message have changed."""
+        """Publish now if level or message have changed, by more than a number in it."""
         health = self._asked()
-        if (health.level, health.message) != self._last:
+        if _words(health) != self._last:
             self._send(health)
 
     def publish(self) -> None:
@@ -75,7 +76,7 @@ class DiagnosticsPublisher:
     def _send(self, health: Health) -> None:
         from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-        self._last = (health.level, health.message)
+        self._last = _words(health)
         array = DiagnosticArray()
         array.header.stamp = self._node.get_clock().now().to_msg()
         status = DiagnosticStatus(
@@ -87,3 +88,7 @@ class DiagnosticsPublisher:
         status.values = [KeyValue(key=str(key), value=str(value)) for key, value in health.values.items()]
         array.status = [status]
         self._publisher.publish(array)
+
+
+def _words(health: Health) -> tuple[Level, str]:
+    return health.level, re.sub(r"\d[\d.]*", "0", health.message)

@@ -1,4 +1,4 @@
-"""The one error a node raises on purpose."""
+"""What a node raises on purpose."""
 
 
 class StartError(Exception):
@@ -7,3 +7,7 @@ class StartError(Exception):
     The message is one line for the user: what is wrong and what to do. `boom_node.shell.run` prints it and ends with
     status 2.
     """
+
+
+class HelpError(Exception):
+    """``--help`` was given; the message is the help."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from boom_input.files import InputError
 from boom_input.shown import quoted
 from boom_input.yaml_text import read_yaml
-from boom_node.errors import StartError
+from boom_node.errors import HelpError, StartError
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -90,8 +90,10 @@ def declare(node: "Node", specs: Sequence[ParameterSpec]) -> SimpleNamespace:
 
     Raises StartError for a value of another type or outside its range, for an override that names no parameter of the
     node, and for a parameter file without a section for the node. Later changes from outside are refused for the same
-    reasons.
+    reasons. Raises HelpError where the process was started with ``--help``.
     """
+    if {"-h", "--help"} & set(process_arguments):
+        raise HelpError("\n".join(_explained(specs)))
     check_files(process_arguments, node.get_fully_qualified_name())
     by_name = {spec.name: spec for spec in specs}
     overrides: Mapping[str, Any] = node._parameter_overrides
@@ -103,6 +105,13 @@ def declare(node: "Node", specs: Sequence[ParameterSpec]) -> SimpleNamespace:
         setattr(values, spec.name.replace(".", "_"), _declare_one(node, spec, overrides))
     node.add_on_set_parameters_callback(_guard(by_name))
     return values
+
+
+def _explained(specs: Sequence[ParameterSpec]) -> Iterator[str]:
+    yield "parameters, each with -p name:=value behind --ros-args, or --params-file FILE:"
+    for spec in specs:
+        yield f"  {spec.name}  {spec.label()}" + (f"; one of {', '.join(spec.choices)}" if spec.choices else "")
+        yield f"      {'cannot change while the node runs; ' if spec.read_only else ''}default {spec.default!r}"
 
 
 def nearest(name: str, names: Any) -> str:

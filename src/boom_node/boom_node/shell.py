@@ -24,7 +24,7 @@ from boom_input.ending import ending_signals
 from boom_input.shown import quoted
 from boom_node import early as _early  # noqa: F401  (signals and environment, before rclpy is imported)
 from boom_node import parameters
-from boom_node.errors import StartError
+from boom_node.errors import HelpError, StartError
 
 if TYPE_CHECKING:
     from boom_node.node import LifecycleNode, Node
@@ -76,6 +76,13 @@ def fail(message: str, exit_status: int = 2) -> int:
     return exit_status
 
 
+def _show(text: str) -> None:
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:  # its reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 @contextlib.contextmanager
 def _signals_handled() -> Iterator[None]:
     previous = {number: signal.signal(number, _state.on_signal) for number in ending_signals()}
@@ -113,9 +120,9 @@ def run(
 
     `argv`: as ``sys.argv`` (the default). A node may have a method ``close()``: it is called once, before it is destroyed, with
     publishers still working. One that has an end may have ``unfinished()``: where a signal ends it before, it says how far it came,
-    and the status is 128 and the signal's number. 0: ended by SIGINT, SIGTERM, SIGHUP or `finish`; 2: StartError, printed as one
-    line; any other exception while the node is built is a programming error and is raised with its traceback. Once the node runs,
-    its guard handles them (`boom_node.node`).
+    and the status is 128 and the signal's number. With ``--help`` it prints the module's text and the parameters. 0: ended by
+    SIGINT, SIGTERM, SIGHUP or `finish`; 2: StartError, printed as one line; any other exception while the node is built is a
+    programming error and is raised with its traceback. Once the node runs, its guard handles them (`boom_node.node`).
     """
     arguments = list(sys.argv if argv is None else argv)
     parameters.process_arguments = arguments[1:]
@@ -137,6 +144,9 @@ def run(
             return _run_initialised(make_node, executor)
         except StartError as error:
             return fail(str(error))
+        except HelpError as wanted:
+            _show(f"{(sys.modules[make_node.__module__].__doc__ or '').strip()}\n\n{wanted}")
+            return 0
         finally:
             rclpy.try_shutdown()
 

@@ -195,6 +195,15 @@ def test_a_wrong_parameter_is_one_line_and_exit_status_2(tiny, arguments: tuple[
     assert len(errors.strip().splitlines()) == 1
 
 
+def test_help_lists_the_parameters_with_units_and_starts_nothing(tiny) -> None:
+    node = tiny("--", "--help")
+    status, errors = node.end()
+    assert (status, errors) == (0, "")
+    assert "  rate  publishing rate [Hz], 1 to 1000 Hz" in node.printed
+    assert "      default 'fast'" in node.printed
+    assert "created" in node.printed and "spinning" not in node.printed
+
+
 def test_a_parameter_file_for_a_node_of_another_name_is_refused(tiny, tmp_path: Path) -> None:
     (tmp_path / "p.yaml").write_text("tinny:\n  ros__parameters:\n    rate: 5.0\n")
     status, errors = tiny("--params-file", "p.yaml").end()

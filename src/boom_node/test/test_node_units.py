@@ -1,13 +1,16 @@
 """The parts of boom_node that need no process."""
 
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import pytest
+from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
 
 from boom_node import stamps
+from boom_node.diagnostics import DiagnosticsPublisher, Health, Level
 from boom_node.errors import StartError
 from boom_node.joint_state import angle_and_rate
 from boom_node.parameters import ParameterSpec, check_files, nearest
@@ -103,3 +106,16 @@ def test_a_joint_state_without_a_gyros_rate_is_refused_by_what_is_missing(positi
     assert angle_and_rate(guard, "/joint_states", message, "third") is None
     missing = "velocity, a gyro's rate," if position else "position"
     assert said == ([] if expected else [f"the joint's {missing} is missing"])
+
+
+def test_health_is_told_at_once_where_its_words_change_and_not_for_every_number() -> None:
+    node, told = MagicMock(), ["waiting", "the angle is 60.1 ms old", "the angle is 7 ms old", "the rate is 7 ms old"]
+    node.guard.internal, node.guard.values.return_value = "", {}
+    node.get_name.return_value = "tiny"
+    node.get_clock().now().to_msg.return_value = Time()
+    health = iter(told)
+    publisher = DiagnosticsPublisher(node, lambda: Health(Level.OK, next(health)))
+    for _ in told:
+        publisher.update()
+    sent = [call.args[0].status[0].message for call in node.create_publisher().publish.call_args_list]
+    assert sent == [told[0], told[1], told[3]]

@@ -4,8 +4,9 @@
     s^3 + K k_d s^2 + (K / m) (1 + k_v) s + (K / m) k_p = (s + a) (s^2 + 2 zeta w s + w^2)
 
 w is the spring's own frequency sqrt(K / m), or w_least where that is lower. K k_d is limited because of the remaining lag of the
-valve, and to ``QUICKEST`` / T_s; zeta then follows from the limit. A dead time T is predicted over (``dead_time``), but the prediction of a spring that turns
-by w T is wrong by the part by which w is: the limit of K k_d falls with (w T)^4, and the pole a stays below ``LARGEST_TURN`` / T.
+valve, and to ``QUICKEST`` / T_s; zeta then follows from the limit. A dead time T is predicted over (``dead_time``), but the
+prediction of a spring that turns by w T is wrong by the part by which w is: the limit of K k_d falls with (w T)^4, and the pole a
+stays below ``LARGEST_TURN`` / T.
 """
 
 from __future__ import annotations
@@ -38,7 +39,9 @@ def gains(stiffness: Expression, mass: Expression, dead_time: Expression, safe: 
     """For K [N/m], m = D / J^2 [kg], a dead time [s] that is predicted over; ``safe``: 1 for the safe set; settings ``s``."""
     natural = ca.sqrt(stiffness / mass)
     frequency = ca.fmax(natural, s.slowest_frequency)
-    largest = ca.fmin(s.largest_damping, QUICKEST / s.sample_time) / (1.0 + (natural * dead_time / s.predicted_phase) ** 4)
+    largest = ca.fmin(s.largest_damping, QUICKEST / s.sample_time) / (
+        1.0 + (natural * dead_time / s.predicted_phase) ** 4
+    )
     largest = ca.if_else(safe, ca.fmin(largest, SAFE_DAMPING), largest)
     a = ca.fmin(
         ca.if_else(safe, ca.fmin(-s.feedback_pole, SAFE_POLE), -s.feedback_pole),

@@ -106,8 +106,8 @@ class Modes:
 
         def bent(angle: Any) -> tuple[Any, Any]:
             values = {"angle": angle, "load": p.pose.load + further}
-            for name in effects:
-                values |= EFFECTS[name].at_rest(values, p, e) if EFFECTS[name].at_rest else {}
+            for settle in filter(None, (EFFECTS[name].at_rest for name in effects)):
+                values |= settle(values, p, e)
             z = [values.get(name, 0.0) for name in self.names]
             return self.at(tuple(z), angle, 0.0, 1.0, 0.0, 0.0).angle, z
 
