@@ -29,6 +29,10 @@ AS_SURE = 1.0e6
 """Pa. Drop over such a valve, known to some 60 % as its opening is to a third, that makes p_a as sure as friction leaves what the
 boom needs: 6 bar."""
 
+LATER = 0.15
+"""Share by which the pressures that open such a valve may have to be higher than its numbers say. The hose empties before it opens,
+and its pressure is then not the head side's."""
+
 
 class OperatingPoint(NamedTuple):
     """Inputs of the model.
@@ -137,21 +141,25 @@ class ControlModel:
 
     def carried(
         self, q: ModelQuantities, m: Measurement, acceleration: Expression, lifting: Expression
-    ) -> ModelQuantities:
+    ) -> tuple[ModelQuantities, Expression]:
         """The quantities behind a valve that holds the load (expressions), with the force that carries the boom.
 
+        Beside them the share of it that is measured, 0 to 1.
         Where the boom is lifted the oil comes through the hose, whose pressure is the head side's. Else two things tell f_p: what
         the boom needs at q_2*'' = ``acceleration`` [rad/s^2], and p_a = p_h + (q_a / G)^2 of the valve; the second by the square of
         its drop less.
         """
         area = self.p.cylinder.A_a
         needed = (q.inertia * acceleration + q.gravity + q.friction) / q.jacobian
-        opening, most = self._conductance((needed + m.rod_pressure * self.p.cylinder.A_b) / area, m.rod_pressure)
+        carried = (needed + m.rod_pressure * self.p.cylinder.A_b) / area
+        opening, most = self._conductance(carried, m.rod_pressure)
+        surely, _ = self._conductance((1 - LATER) * carried, (1 - LATER) * m.rod_pressure)
         flow = area * ca.fmax(-q.jacobian * m.rate, SLOW)
         drop = (flow / ca.fmax(opening, SHUT * most)) ** 2
         seen = q.force + area * drop
-        held = needed + (seen - needed) / (1 + (drop / AS_SURE) ** 2)
-        return q._replace(force=ca.if_else(lifting, q.force, ca.fmax(q.force, held)))
+        known = surely / ca.fmax(opening, SHUT * most) / (1 + (drop / AS_SURE) ** 2)
+        held = needed + (seen - needed) * known
+        return q._replace(force=ca.if_else(lifting, q.force, ca.fmax(q.force, held))), ca.if_else(lifting, 1.0, known)
 
     def resting_force(self, m: Measurement) -> float:
         """f_p [N] of a boom that rests: measured, or what it needs behind a valve that holds the load."""

@@ -225,12 +225,12 @@ class Improved:
         )
         position = x.past.position(dead, s.sample_time)
         velocity = q.jacobian * m.rate
-        through = True
+        through, known = True, 1.0
         if self._model.machine.holds:
             through = ca.logic_and(position < -self._dead_zone, velocity > s.dead_zone_speed)
-            q = self._model.carried(q, m, now.acceleration, through)
+            q, known = self._model.carried(q, m, now.acceleration, through)
         safe = x.swings.calmed > 0
-        load = self._load.step(x.load, q, m, safe, s)
+        load = self._load.step(x.load, q, m, safe, s, known)
         rub = observe_friction(x.friction, q, load.load, s.sample_time)
         flows = self._map.flows(m.hose_pressure, m.rod_pressure, (q.rod_cushion, q.hose_cushion))
         smooth = x.smooth.towards(m.hose_pressure, m.rod_pressure, s.inverse_smoothing, s.sample_time)

@@ -75,8 +75,13 @@ class LoadObserver:
         beyond = self.modes.at(x.modes, m.angle, m.rate, 1.0, 0.0, 0.0)
         return m._replace(angle=m.angle - beyond.angle, rate=m.rate - beyond.rate)
 
-    def step(self, x: LoadState, q: ModelQuantities, m: Measurement, safe: Expression, s: Any) -> LoadState:
-        """One sample time with the model at the present load, the sample at the cylinder, settings with ``gains``."""
+    def step(
+        self, x: LoadState, q: ModelQuantities, m: Measurement, safe: Expression, s: Any, known: Expression = 1.0
+    ) -> LoadState:
+        """One sample time with the model at the present load, the sample at the cylinder, settings with ``gains``.
+
+        known: the share of the force that is measured; what the model says of it tells nothing of the load.
+        """
         torque = q.jacobian * q.force - q.friction - q.gravity
         point = (m.angle, m.rate, q.inertia, torque, 0.0)
         acceleration = self.modes.at(x.modes, *point).acceleration
@@ -90,7 +95,7 @@ class LoadObserver:
             return ca.if_else(safe, getattr(s, f"safe_{k}"), usual)
 
         t = s.sample_time
-        load = x.load + t * gain(1) * surprise * effect / (effect * effect + LEAST_EFFECT * LEAST_EFFECT)
+        load = x.load + known * t * gain(1) * surprise * effect / (effect * effect + LEAST_EFFECT * LEAST_EFFECT)
         own = tuple(gain(2 + k) for k in range(len(x.modes)))
         return LoadState(
             limited(load, self._lightest, s.largest_load),
