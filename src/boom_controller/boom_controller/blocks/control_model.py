@@ -144,7 +144,8 @@ class ControlModel:
     ) -> tuple[ModelQuantities, Expression]:
         """The quantities behind a valve that holds the load (expressions), with the force that carries the boom.
 
-        Beside them the share of it that is measured, 0 to 1.
+        Beside them whether what is measured tells of it: not as long as the valve may be shut.
+
         Where the boom is lifted the oil comes through the hose, whose pressure is the head side's. Else two things tell f_p: what
         the boom needs at q_2*'' = ``acceleration`` [rad/s^2], and p_a = p_h + (q_a / G)^2 of the valve; the second by the square of
         its drop less.
@@ -155,11 +156,11 @@ class ControlModel:
         opening, most = self._conductance(carried, m.rod_pressure)
         surely, _ = self._conductance((1 - LATER) * carried, (1 - LATER) * m.rod_pressure)
         flow = area * ca.fmax(-q.jacobian * m.rate, SLOW)
-        drop = (flow / ca.fmax(opening, SHUT * most)) ** 2
+        drop, largest = ((flow / ca.fmax(g, SHUT * most)) ** 2 for g in (opening, surely))
         seen = q.force + area * drop
-        known = surely / ca.fmax(opening, SHUT * most) / (1 + (drop / AS_SURE) ** 2)
-        held = needed + (seen - needed) * known
-        return q._replace(force=ca.if_else(lifting, q.force, ca.fmax(q.force, held))), ca.if_else(lifting, 1.0, known)
+        held = needed + (seen - needed) / (1 + (largest / AS_SURE) ** 2)
+        opened = ca.logic_or(lifting, surely > SHUT * most)
+        return q._replace(force=ca.if_else(lifting, q.force, ca.fmax(q.force, held))), opened
 
     def resting_force(self, m: Measurement) -> float:
         """f_p [N] of a boom that rests: measured, or what it needs behind a valve that holds the load."""

@@ -80,7 +80,7 @@ class LoadObserver:
     ) -> LoadState:
         """One sample time with the model at the present load, the sample at the cylinder, settings with ``gains``.
 
-        known: the share of the force that is measured; what the model says of it tells nothing of the load.
+        known: 0 while nothing that is measured tells of the force, and so nothing of the load.
         """
         torque = q.jacobian * q.force - q.friction - q.gravity
         point = (m.angle, m.rate, q.inertia, torque, 0.0)
