@@ -306,6 +306,9 @@ def test_a_pressure_that_is_stuck_is_told_and_the_motion_goes_on(boom: Boom) -> 
     boom.run(0.5)
     assert (boom.last.status, boom.last.state) == ("warning", MotionState.TRACK)
     assert boom.last.reason.startswith("the hose pressure repeats its value for ")
+    boom.loop.law.controller.reason = "the boom swings"  # type: ignore[union-attr]
+    boom.period()
+    assert boom.last.reason.startswith("load_not_held: the boom swings; the hose pressure repeats its value for ")
 
 
 def test_one_without_noise_that_is_stuck_at_rest_is_found_by_the_valve_that_opens_for_nothing(boom: Boom) -> None:

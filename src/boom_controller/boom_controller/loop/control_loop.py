@@ -363,6 +363,7 @@ class ControlLoop:
     # ------------------------------------------------------------------------------------------------------- supervision
 
     def _stop(self, finding: StopCause, now: float) -> None:
+        finding = self.sensors.doubted(finding)
         if self.supervision.stop(finding, now):
             self._note = ""
             self._goals.end(Code.INVALID_GOAL, f"stopped: {finding.text}")

@@ -23,6 +23,8 @@ _NO_CHANGE = 1e-6  # rad/s
 _NO_CHANGE_OF_PRESSURE = 10.0  # Pa
 _INTERVALS = 21
 """Between samples of the angle, of which the one in the middle tells how often they come."""
+_FED_BACK = ("divergence", "oscillation", "load_not_held", "no_motion", "speed_limit")
+"""What a pressure that is wrong may end in, as the law feeds it back."""
 _CURRENT = Range("current", "A", -0.05, 10.0)
 
 
@@ -133,6 +135,12 @@ class SensorSet:
             if stuck := repeats.stuck:
                 return f"the {side} pressure repeats its value for {1e3 * stuck[0]:.0f} ms: is the sensor stuck?"
         return ""
+
+    def doubted(self, cause: StopCause) -> StopCause:
+        """The cause, with a pressure that is in doubt where it may be what is behind it."""
+        if cause.reason in _FED_BACK and self.doubt:
+            return StopCause(cause.reason, f"{cause.text}; {self.doubt}")
+        return cause
 
     def finding(self, now: float, s: SupervisionSettings) -> StopCause | None:
         """The fault of the sensors at the time ``now`` [s], or None."""
