@@ -72,13 +72,24 @@ def locate(
     machine: Machine, bags: Sequence[Bag], select: Sequence[Flags], nuisances: Sequence[Nuisance], z: Array,
     values: Mapping[str, float], healthy: Sequence[Bag], *, doubted: bool = True,
 ) -> tuple[tuple[EquationEvidence, ...], str, list[dict[str, Array]]]:  # fmt: skip
-    """Evidence per equation at a fitted point; whether both ways agree, in words; unknown inputs over time per recording.
+    """Evidence per equation; whether both ways agree, in words; unknown inputs over time per recording.
+
+    At the fitted point (z, ``values``), or at the file's own numbers where these are likelier once an unknown input is allowed: what
+    is missing may have driven the fit far from the machine, and then breaks where nothing is wrong.
 
     doubted: whether any equation is in doubt; the statistical way, which is the long one, is gone only then. Behind a valve that
     holds the load the chain cannot be forced: the pressure that carries the boom is not measured.
     """
     base = problem_at(machine, bags, select, nuisances, z, values, 1.0)
-    statistical = _statistical(base, z, values) if doubted else {link.key: 0.0 for link in links(machine)}
+    statistical = {link.key: 0.0 for link in links(machine)}
+    if doubted:
+        nominal = np.zeros(len(z))
+        own = problem_at(machine, bags, select, nuisances, nominal, {}, 1.0)
+        found = [_statistical(base, z, values), _statistical(own, nominal, {})]
+        fitted, files = (best - 0.5 * float(at @ at) for (_, best), at in zip(found, (z, nominal), strict=True))
+        statistical = found[files > fitted][0]
+        if files > fitted:
+            base, z, values = own, nominal, {}
     chain, inputs = _chain(base, z, values, healthy)
     if holds := machine.holds:
         chain = dict.fromkeys(chain, 0.0)
@@ -102,7 +113,8 @@ def locate(
     ), inputs  # fmt: skip
 
 
-def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> dict[str, float]:
+def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> tuple[dict[str, float], float]:
+    """Share of each equation in what unknown inputs raise the likelihood by, and the largest log-likelihood with one [nats]."""
     reference, looseness = base.likelihood_at(z, values), base.predictor.looseness
 
     def raised(tried: tuple[Link, float]) -> float:
@@ -112,7 +124,7 @@ def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> dict[s
     own = links(base.predictor.machine)
     found = in_parallel(raised, [(link, size) for link in own for size in SIZES])
     best = [max(0.0, *found[k : k + len(SIZES)]) for k in range(0, len(found), len(SIZES))]
-    return _shares(dict(zip((link.key for link in own), best, strict=True)))
+    return _shares(dict(zip((link.key for link in own), best, strict=True))), reference + max(best)
 
 
 def disturbed(base: Problem, at: Point, among: Sequence[Link]) -> float:
