@@ -74,8 +74,8 @@ def locate(
 ) -> tuple[tuple[EquationEvidence, ...], str, list[dict[str, Array]]]:  # fmt: skip
     """Evidence per equation; whether both ways agree, in words; unknown inputs over time per recording.
 
-    At the fitted point (z, ``values``), or at the file's own numbers where these are likelier once an unknown input is allowed: what
-    is missing may have driven the fit far from the machine, and then breaks where nothing is wrong.
+    At the fitted point (z, ``values``), or at the file's own numbers where these are likelier once an unknown input is allowed:
+    what is missing may have driven the fit far from the machine, and then the chain breaks where nothing is wrong.
 
     doubted: whether any equation is in doubt; the statistical way, which is the long one, is gone only then. Behind a valve that
     holds the load the chain cannot be forced: the pressure that carries the boom is not measured.
