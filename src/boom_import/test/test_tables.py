@@ -297,6 +297,14 @@ def test_what_a_machine_may_do_is_no_missing_measurement(values: np.ndarray, tmp
     assert (len(source.columns[0].values), source.notes) == (1000, [])
 
 
+def test_a_stated_unit_of_the_time_is_not_overruled_in_silence(tmp_path: Path) -> None:
+    slow = made(tmp_path, "time [s],p [bar]\n" + "".join(f"{10 * k},{100 + k % 7}\n" for k in range(1000)))
+    said = r"'time \[s\]' is said to be in s, samples 10 s apart; in ms they would be 0.01 s apart: give --time-unit"
+    with pytest.raises(ImportingError, match=said):
+        reading.read([slow])
+    assert np.ptp(reading.read([slow], TimeChoice(unit="s")).columns[0].stamps_ns) == 9990 * 10**9
+
+
 def test_a_current_that_is_either_off_or_on_keeps_both_values(tmp_path: Path) -> None:
     lines = "".join(f"{k / 100:.2f},{0.5 * (k // 100 % 2):.1f}\n" for k in range(1000))
     assert len(reading.read([made(tmp_path, "time [s],i [A]\n" + lines)]).columns[0].values) == 1000

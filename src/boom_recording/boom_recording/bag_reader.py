@@ -45,6 +45,7 @@ class BagReader:
         self.columns: dict[str, _Column] = {}
         self.types: dict[str, str] = {}
         self.notes: list[str] = []
+        self.unstamped: list[str] = []
         self.cut = False
         self.messages = 0
         self.missing = 0
@@ -138,7 +139,7 @@ class BagReader:
             values = {name: v for name, v in values.items() if name in ESSENTIAL or not np.isnan(v).all()}
             channels = tuple(channel for channel in of_topic(topic) if channel.name in values)
             if not stamps.any():
-                self.notes.append(f"{topic} carries no stamps: the time of arrival is used")
+                self.unstamped.append(f"{topic} carries no stamps: the time of arrival is used")
                 stamps = log.copy()
             if (np.diff(log) < 0).any():
                 order = np.argsort(log, kind="stable")
@@ -226,7 +227,8 @@ class BagReader:
             if len(fits):
                 rows = cdr_layout.gather(batch.data, batch.offset[which[fits]], size)
                 seconds, nanoseconds = (layout.column(rows, f"header.stamp.{name}") for name in ("sec", "nanosec"))
-                stamps[fits] = seconds.astype(np.int64) * 10**9 + nanoseconds.astype(np.int64)
+                possible = nanoseconds.astype(np.int64) < 10**9  # others are no stamps
+                stamps[fits] = np.where(possible, seconds.astype(np.int64) * 10**9 + nanoseconds.astype(np.int64), 0)
                 for channel in of_topic(topic.topic):
                     there = channel.name in paths
                     values[channel.name][fits] = (

@@ -85,7 +85,7 @@ def _load(
         notes=sorted({*reader.notes, *(f"{name} was not recorded" for name in absent)}),
         stored_configuration=given.over(reader.configuration()),
     )
-    recording.warnings = bag.warnings + _losses(damages, reader, bag, recording)
+    recording.warnings = bag.warnings + _losses(damages, reader, bag, recording) + reader.unstamped
     return recording
 
 

@@ -309,6 +309,30 @@ def test_what_lies_behind_a_silence_of_hours_is_another_recording(tmp_path: Path
     assert any("another recording, or a clock that was set" in e.detail for e in found.events) == (kept < 600)
 
 
+@pytest.mark.parametrize("nanosec", [0, 0xFFFFFFFF])
+def test_stamps_that_are_none_are_told_and_the_arrival_counts(nanosec: int, tmp_path: Path) -> None:
+    write(tmp_path / "bag", recording())
+    (file,) = (tmp_path / "bag").glob("*.mcap")
+    with file.open("rb") as source:
+        read = make_reader(source)
+        messages = [(schema, channel, message) for schema, channel, message in read.iter_messages()]
+    with file.open("wb") as target:
+        writer = Writer(target)
+        writer.start(profile="ros2")
+        known: dict[int, int] = {}
+        for schema, channel, message in messages:
+            if channel.id not in known:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                known[channel.id] = writer.register_channel(channel.topic, channel.message_encoding, number)
+            stamp = struct.pack("<iI", 0, nanosec)
+            data = message.data[:4] + stamp + message.data[12:]
+            writer.add_message(known[channel.id], message.log_time, data, message.publish_time)
+        writer.finish()
+    found = load(tmp_path / "bag")
+    assert [w for w in found.warnings if "/joint_states carries no stamps: the time of arrival is used" in w]
+    assert found.duration == pytest.approx(recording().duration, abs=0.05)
+
+
 def test_a_stamp_of_another_year_costs_its_sample(tmp_path: Path) -> None:
     whole = recording()
     stamps = whole.signals["hose_pressure"].stamps_ns.copy()

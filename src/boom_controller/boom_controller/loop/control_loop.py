@@ -188,7 +188,7 @@ class ControlLoop:
 
     def resume(self, now: float) -> tuple[bool, str]:
         """The explicit command to go on after a stop. Success, and a line for the operator."""
-        return self.supervision.resume(self._interlock.standing(now))
+        return self.supervision.resume(self._interlock.standing(now), self._interlock.missing(now))
 
     def stream(self, wanted: float, now: float) -> None:
         """Accept a wanted angle [rad] of /boom/reference."""

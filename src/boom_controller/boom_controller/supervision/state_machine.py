@@ -111,8 +111,11 @@ class Supervision:
             return 0.0
         return left
 
-    def resume(self, standing: StopCause | None) -> tuple[bool, str]:
-        """Handle the command to continue; `standing`: a persisting reason. Returns success and a line for the operator."""
+    def resume(self, standing: StopCause | None, missing: str = "") -> tuple[bool, str]:
+        """Handle the command to continue; `standing`: a persisting reason, `missing`: why no motion can begin yet, in words.
+
+        Returns success and a line for the operator.
+        """
         if self.state is MotionState.STOPPING:
             return False, "the boom is still coming to rest: call again"
         if self.state is not MotionState.STOPPED:
@@ -120,7 +123,7 @@ class Supervision:
         if standing is not None:
             return False, f"still stopped, {standing.text}: {REASONS[standing.reason].remedy}"
         self.state, self.finding = MotionState.IDLE, None
-        return True, "ready: waiting for a reference"
+        return True, missing or "ready: waiting for a reference"
 
     def drop(self) -> None:
         """Go to idle at once, or from stopping to stopped; the caller removes the currents. A persisting stop stays."""

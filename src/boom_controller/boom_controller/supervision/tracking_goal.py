@@ -62,7 +62,7 @@ class TrackingGoal:
         if elapsed < self.duration:
             if path is not None and error > path:
                 return self._end(
-                    Code.PATH_TOLERANCE_VIOLATED, f"{error:.3f} rad away from the path, tolerance {path:g} rad"
+                    Code.PATH_TOLERANCE_VIOLATED, f"{error:.3g} rad away from the path, tolerance {path:g} rad"
                 )
             return None
         left = abs(self.goal - angle)
@@ -71,7 +71,7 @@ class TrackingGoal:
         if elapsed >= self.duration + self.tolerances.time:
             return self._end(
                 Code.GOAL_TOLERANCE_VIOLATED,
-                f"{left:.3f} rad away from the goal {self.tolerances.time:g} s after its time, tolerance {goal:g} rad",
+                f"{left:.3g} rad away from the goal {self.tolerances.time:g} s after its time, tolerance {goal:g} rad",
             )
         return None
 
