@@ -105,9 +105,9 @@ def search(case: Case, progress: Progress) -> Case:
     case = rounds(case, progress)
     if not case.learned and case.rest(case.last) > NEGLIGIBLE:
         if slow := commanded_oftener(case):
-            case = rounds(slow, progress)
+            case = _better(case, rounds(slow, progress))
         elif bags := strayed(case):
-            case = rounds(case.with_bags(*bags), progress)
+            case = _better(case, rounds(case.with_bags(*bags), progress))
     progress("doubting the machine file", 0.75)
     if other := with_wrong_number(case):
         case = rounds(other, progress)
@@ -116,6 +116,11 @@ def search(case: Case, progress: Progress) -> Case:
     progress("free runs", 0.78)
     _finish(case)
     return case
+
+
+def _better(case: Case, again: Case) -> Case:
+    """The search again with other currents, where it leaves less than the one before: it may have ended elsewhere."""
+    return again if again.learned or again.rest(again.last) < case.rest(case.last) else case
 
 
 def _doubted(case: Case, progress: Progress) -> Case:
