@@ -346,10 +346,10 @@ def _unit(column: RawColumn) -> str:
             f"the unit of the time '{column.key}' cannot be told ({' or '.join(likely)}?): give --time-unit"
         )
     if stated is not None and stated.dimension == units.TIME and best != stated.name and not _dated(values[0], best):
-        said, likely = (period * units.BY_NAME[name].factor for name in (stated.name, best))
+        own, other = (period * units.BY_NAME[name].factor for name in (stated.name, best))
         raise ImportingError(
-            f"the time '{column.key}' is said to be in {stated.name}, samples {said:.3g} s apart; in {best} they would be "
-            f"{likely:.3g} s apart: give --time-unit"
+            f"the time '{column.key}' is said to be in {stated.name}, samples {own:.3g} s apart; in {best} they would be "
+            f"{other:.3g} s apart: give --time-unit"
         )
     return best
 
