@@ -110,6 +110,8 @@ class _Tight:
     excess_after: float
     channels: list[tuple[float, float]]
     """Of each measured channel: excess before, with tolerances only, and after."""
+    filed: float
+    """Excess before with the file's number, where one is wrong: what was found explains that, too. So do ``channels``."""
 
 
 def assemble(
@@ -118,7 +120,7 @@ def assemble(
     """The whole answer of a finished search; ``doubted``: what becomes of one of which free runs took back all that was found."""
     first = case.rounds[0]
     tight = _tight(case)
-    unknown = unknown_probability(tight.excess_before, tight.excess_after, tight.channels)
+    unknown = unknown_probability(tight.filed, tight.excess_after, tight.channels)
     spans = spans_of(case)
     stages = machines_of(case, "identified", None)
     if not case.taken:
@@ -182,7 +184,7 @@ def assemble(
     explained = plain.point.parts if plain else tight.explained
     left = plain.point.excess(case.floor) if plain else tight.excess_after
     named = verdict not in ("no_mismatch", "parameters_only")  # else one-step errors name nothing
-    left_over = remaining(fit, tight.excess_before, left if named else 0.0)
+    left_over = remaining(fit, tight.filed, left if named else 0.0)
     plainly = not learned and bool(case.taken) and worse_on_the_whole(driven)
     machine = _plain_machine(case) if plainly else _final_machine(case, verdict, learned)
     handed_out = told_by_recording(case, machine)
@@ -321,8 +323,12 @@ def _tight(case: Case) -> _Tight:
         own = case.problem(case.sharpest.z, case.sharpest.effects, LOOSENESS[0])
         left = own.points([(case.sharpest.z, case.sharpest.effects)])[0]
         after = min(after, left.excess(case.floor))
-    channels = zip(by_channel(case, stages[1]), by_channel(case, left), strict=True)
-    return _Tight(stages[0].parts, stages[2].parts, before, after, list(channels))
+    started, filed = by_channel(case, stages[1]), before
+    if of_file := case.filed:
+        at = of_file.problem(of_file.kept(0).z, {}, LOOSENESS[0]).points([(of_file.kept(0).z, {})])[0]
+        started, filed = np.maximum(started, by_channel(of_file, at)).tolist(), max(before, at.excess(of_file.floor))
+    channels = zip(started, by_channel(case, left), strict=True)
+    return _Tight(stages[0].parts, stages[2].parts, before, after, list(channels), filed)
 
 
 def by_channel(case: Case | WeighedCase, point: Point) -> list[float]:

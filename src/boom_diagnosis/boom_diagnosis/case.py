@@ -73,6 +73,7 @@ class Case:
         oftener: T_s [s] of a controller that commands more often than the file says, and the log shows (``straying``); 0: none.
         own: numbers that are those of the recordings held out, by dotted name; see ``onset.own``.
         wrong: number of the machine file of which nothing is taken for known, and those that share its factor (``wrong_number``).
+        filed: the case as it ended with the file's number, where one is wrong.
         or_wrong: others that explain the recordings as well, and by which factor they would be off. opened: what has been tried.
     """
 
@@ -106,6 +107,7 @@ class Case:
     oftener: float = 0.0
     own: dict[str, float] = field(default_factory=dict)
     wrong: tuple[str, ...] = ()
+    filed: Case | None = field(default=None, repr=False)
     or_wrong: tuple[tuple[tuple[str, ...], float], ...] = ()
     opened: list[Opened] | None = None
     _own_moments: Recent[Array] = field(default_factory=lambda: Recent(POINTS), repr=False)
@@ -114,7 +116,8 @@ class Case:
         """The case from its beginning, with the recordings prepared otherwise."""
         parts = self.select, self.training, self.judged, self.nuisances, self.seed, self.others, self.elsewhere
         return Case(
-            self.machine, self.pose, bags, proving, *parts, oftener=self.oftener, wrong=self.wrong, or_wrong=self.or_wrong
+            self.machine, self.pose, bags, proving, *parts, oftener=self.oftener, wrong=self.wrong, filed=self.filed,
+            or_wrong=self.or_wrong,
         )  # fmt: skip
 
     def with_wrong(self, number: Nuisance) -> Case:

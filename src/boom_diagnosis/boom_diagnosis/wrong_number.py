@@ -59,6 +59,7 @@ def _wrong(case: Case, most: float) -> Case | None:
         return None
     least = min(o.rest for o in able)
     first, *others = sorted((o for o in able if o.rest <= least + TOO_SMALL), key=lambda o: abs(o.away))
+    first.case.filed = case
     first.case.or_wrong = tuple((o.number.components, exp(o.away)) for o in others)
     return first.case
 
