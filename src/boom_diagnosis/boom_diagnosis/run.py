@@ -17,6 +17,7 @@ from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.case import Case, case_of
 from boom_diagnosis.document import DiagnosisResult
 from boom_diagnosis.earning import given_up, take
+from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.free_fit import fit_to_free_runs
 from boom_diagnosis.onset import near_onset, time_in
 from boom_diagnosis.restarts import in_deepest_valley
@@ -35,6 +36,8 @@ from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
 from boom_recording.recording import Recording, told_apart
 
+ALIKE = 0.5
+"""Nats that numbers may cost that do the same."""
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Progress = Callable[[str, float], None]
@@ -144,12 +147,24 @@ def _finish(case: Case) -> None:
         take(case)
 
 
+def _plainest(problem: Problem, at: Point, effects: Sequence[str]) -> Point:
+    """The point with the plainest of the numbers that do the same; where they do not after all, the point itself."""
+    values = dict(at.effects)
+    for effect in (EFFECTS[name] for name in effects):
+        if effect.plainest:
+            own = f"effects.{effect.id}."
+            told = effect.plainest({row.name: values[own + row.name] for row in effect.parameters})
+            values |= {own + name: value for name, value in told.items()}
+    plain = problem.points([(at.z, values)])[0] if values != at.effects else at
+    return plain if plain.loss <= at.loss + ALIKE else at
+
+
 def _last_fit(case: Case) -> Fitted:
     """Where a tolerance can do what an effect does, derivatives from two places would tell them apart."""
     k, fitted = len(case.taken), case.taken[-1].fitted
     at, names = case.last, fitted.coordinates
     problem = case.problem(at.z, at.effects, case.rounds[k - 1].problem.predictor.looseness)
-    start = problem.points([(at.z, at.effects)])[0]
+    start = _plainest(problem, problem.points([(at.z, at.effects)])[0], [w.fitted.effect for w in case.taken])
     if time_in(start.effects):  # found beside other numbers than those it has now
         start = near_onset(problem, start)
     columns = problem.nuisance_jacobian(start)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from boom_model.batch import run_sets
-from boom_model.catalogue import CATALOGUE
+from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.components import accumulator
 from boom_model.equations import namespace
 from boom_model.errors import ModelError, SimulationError
@@ -483,3 +483,20 @@ def test_at_rest_the_sensors_show_what_they_were_said_to_show(tz17: Machine, eff
     plant = Plant(tz17.with_effects(effect), tz17.pose(4.5, 0.0), kind)
     shown = plant.outputs(plant.rest_state_measured(0.3, 9e6, 1e6))
     assert shown == pytest.approx([0.3, 0.0, 9e6, 1e6], rel=1e-6)
+
+
+def test_the_plainest_numbers_of_a_bending_boom_do_the_same(tz17: Machine) -> None:
+    """Gamma^2 mu, Gamma eta and Gamma^2 s tell all of a boom that picks nothing up: of Gamma = 0.7 it is that of Gamma = 1."""
+    bends = EFFECTS["boom_flexibility"]
+    found = {"gain": 0.7, "f": 2.0, "zeta": 0.02, "mu": 0.9, "eta": 0.5, "sag": 0.8}
+    assert bends.plainest is not None
+    plain = bends.plainest(found)
+    assert plain == pytest.approx({**found, "gain": 1.0, "mu": 0.441, "eta": 0.35, "sag": 0.392})
+    shown = []
+    for numbers in (found, plain):
+        plant = Plant(tz17.with_effects({"boom_flexibility": numbers}), tz17.pose(0.28, 2.2))
+        stepper = plant.stepper(plant.rest_state_measured(0.3, 9e6, 1e6))
+        shown.append([stepper.step(0.0, 0.5, 0.01).tolist() for _ in range(100)])
+    assert np.asarray(shown[0]) == pytest.approx(np.asarray(shown[1]), rel=1e-4, abs=1e-6)
+    whole = {**found, "mu": 0.0}
+    assert bends.plainest(whole) == whole  # nothing that shows

@@ -76,6 +76,14 @@ def _seen_rate(rate: Expression, own: Any, _at: Any) -> Expression:
     return rate + own.eta * own.state("bend_rate")
 
 
+def _of_two_masses(own: Mapping[str, float]) -> dict[str, float]:
+    """With Gamma = 1: Gamma^2 mu, Gamma eta and Gamma^2 s are all that shows as long as no load is picked up."""
+    gain, mu = own["gain"], own["gain"] ** 2 * own["mu"]
+    if not LEAST_MODAL * LEAST_RIGID < mu < 1.0 - LEAST_RIGID:
+        return {**own}
+    return {**own, "gain": 1.0, "mu": mu, "eta": gain * own["eta"], "sag": gain**2 * own["sag"]}
+
+
 # What is slower than the modes of a steel boom, or more damped as far as its interval tells, is the mode of another body.
 EFFECT = Effect(
     "boom_flexibility", "structure", "5.39a",
@@ -96,5 +104,6 @@ EFFECT = Effect(
         "angular_acceleration": _acceleration,
         "seen_angle": _seen_angle, "seen_rate": _seen_rate,
     },
-    place=1, at_rest=_at_rest, states=(State("bend", "x", "rad", 1e-2, -1.0, 1.0), State("bend_rate", "x'", "rad/s", 0.1)),
+    place=1, at_rest=_at_rest, plainest=_of_two_masses,
+    states=(State("bend", "x", "rad", 1e-2, -1.0, 1.0), State("bend_rate", "x'", "rad/s", 0.1)),
 )  # fmt: skip

@@ -158,6 +158,7 @@ class Effect:
         watched: whether the watch suspects it: not what acts on the times of inputs and samples, begins at a time, is less of
             something, or brings fast states of its own.
         foreign: what acts is no part of the crane, or in nobody's list: it is told as unknown physics, with its numbers.
+        plainest: (its numbers by name) -> those that do the same and are plainer, where its numbers trade off against one another.
         reach: halves of the range over which the watch takes a difference, where the derivative at nothing says little.
     """
 
@@ -189,6 +190,7 @@ class Effect:
     points: tuple[tuple[float, ...], ...] = ()
     watched: bool = True
     foreign: bool = False
+    plainest: Callable[[Mapping[str, float]], dict[str, float]] | None = None
     reach: float = 0.0
 
     def __post_init__(self) -> None:
