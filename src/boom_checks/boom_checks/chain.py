@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,8 +32,10 @@ from boom_identification.stationary import pose_of
 from boom_identification.validation import at_rest
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder
+from boom_model.errors import MachineError
 from boom_model.machine import Machine
 from boom_model.plant import Plant
+from boom_model.prior import prior_of
 from boom_recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -212,6 +215,8 @@ class ChainStudy:
         }  # fmt: skip
 
 
+VALVE, DRAWS, MOST = "main_valve_orifices.", 6, 0.8
+"""Numbers whose tolerances count for the flows of the main valve; machines that are drawn with them; share that is nearer."""
 INNER = ("piston_position", "hose_flow", "rod_flow", "jacobian")
 """What the links of the ports take from the forced model."""
 HELD = "the machine file's valve holds the load: the hose pressure is not the cylinder's"
@@ -312,13 +317,15 @@ def _ports(series: EvenSeries, run: ForcedRun, plant: Plant) -> list[ChainLink]:
     """Flow out of the main valve into either port against the flow that motion and pressures ask for."""
     p, _ = component_parameters(plant.machine, plant.pose)
     position = run.inner["piston_position"]
-    apart = plant.machine.structure.hose_burst_valve.separates
-    head = np.full(len(position), p.cylinder.V_h) if apart else cylinder.head_volume(position, p) + p.cylinder.V_h
+    separates = plant.machine.structure.hose_burst_valve.separates
+    head = np.full(len(position), p.cylinder.V_h) if separates else cylinder.head_volume(position, p) + p.cylinder.V_h
     volumes = {"hose_pressure": head, "rod_pressure": np.asarray(cylinder.rod_volume(position, p))}
-    states = {"hose_pressure": "hose_pressure" if apart else "head_pressure", "rod_pressure": "rod_pressure"}
+    states = {"hose_pressure": "hose_pressure" if separates else "head_pressure", "rod_pressure": "rod_pressure"}
     flows = {"hose_pressure": run.inner["hose_flow"], "rod_pressure": run.inner["rod_flow"]}
     names = {"hose_pressure": "head flow", "rod_pressure": "rod flow"}
-    areas = [q.tolerance for key, q in plant.machine.parameters.items() if key.startswith("main_valve_orifices.")]
+    others = [
+        forced_run(series, plant.with_numbers(other, plant.pose), INNER).inner for other in _within(plant.machine)
+    ]
     noise = (
         plant.machine.sensor_noise().rate_sigma * float(np.nanmax(run.inner["jacobian"], initial=0.0)) * p.cylinder.A_a
     )
@@ -328,10 +335,35 @@ def _ports(series: EvenSeries, run: ForcedRun, plant: Plant) -> list[ChainLink]:
         needed = flow + _lasting(short)
         if not np.isfinite(flow).any():
             continue
-        left = math.hypot(max(areas, default=0.3) * float(np.sqrt(np.nanmean(flow**2))), noise)
+        name = {"hose_pressure": "hose_flow", "rod_pressure": "rod_flow"}[channel]
+        apart = [np.nanmean((other[name] - flow) ** 2) for other in others]
+        left = math.hypot(math.sqrt(float(np.quantile(apart or 0.0, MOST))), noise)
         driven = f"currents, motion, {channel.replace('_', ' ')}"
         links.append(ChainLink(names[channel], driven, "m^3/s", series.time, flow, needed, left))
     return links
+
+
+def _within(machine: Machine) -> list[Machine]:
+    """``DRAWS`` machines with the numbers of the main valve's edges at either end of their tolerances, drawn.
+
+    The largest but one tells what they leave: all ends together may open a valve beyond all that it can.
+    """
+    random = np.random.default_rng(0)
+    known = {key: q for key, q in machine.parameters.items() if key.startswith(VALVE)}
+    drawn = []
+    for _ in range(DRAWS):
+        values = {}
+        for key, q in known.items():
+            priors = [prior_of(machine, component) for component in q.specification.components]
+            ends = random.choice((-2.0, 2.0), len(priors))
+            away = [
+                min(max(prior.away(value, z), prior.low), prior.high)
+                for prior, value, z in zip(priors, q.value, ends, strict=True)
+            ]
+            values[key] = tuple(away)
+        with suppress(MachineError):  # no machine has all of these
+            drawn.append(machine.with_values(values))
+    return drawn
 
 
 def _lasting(flow: Array) -> Array:
