@@ -20,14 +20,16 @@ Array = NDArray[np.float64]
 def told(effect: str, numbers: Mapping[str, Estimate]) -> bool:
     """Whether one of an effect's ``numbers`` (its own names) differs from doing nothing by more than its 90 % interval.
 
-    One that is sought by its logarithm always does: it is told where its interval leaves some of what is plausible out.
+    Nothing is as well what sound machines have. One that is sought by its logarithm always does: it is told where its interval
+    leaves some of what is plausible out.
     """
     for row in EFFECTS[effect].sizes:
         if (estimate := numbers.get(row.name)) is None:
             continue
         low, high = estimate.interval_90
         anything = row.positive and low <= row.low and row.high <= high
-        if not (anything or low <= row.neutral <= high):
+        nothing = low <= row.neutral + row.ordinary and high >= row.neutral - row.ordinary
+        if not (anything or nothing):
             return True
     return False
 

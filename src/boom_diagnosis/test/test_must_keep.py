@@ -21,8 +21,10 @@ def fit(explained: tuple[float, ...], before: tuple[float, ...] = (0.5, 0.5, 0.5
     return Fit({}, {"nominal": before, "parameters_only": before, "explained": explained}, FLOOR, ("b",))
 
 
-@pytest.mark.parametrize(("interval", "expected"), [((0.001, 0.02), True), ((-0.001, 0.02), False)])
-def test_an_effect_is_told_where_an_interval_leaves_out_that_it_does_nothing(
+@pytest.mark.parametrize(
+    ("interval", "expected"), [((0.003, 0.02), True), ((0.002, 0.02), False), ((-0.001, 0.02), False)]
+)
+def test_an_effect_is_told_where_an_interval_leaves_out_that_it_does_nothing_or_what_sound_valves_do(
     interval: tuple[float, float], expected: bool
 ) -> None:
     assert told("valve_hysteresis", {"h": Estimate(0.01, "-", interval)}) is expected
