@@ -36,8 +36,8 @@ from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
 from boom_recording.recording import Recording, told_apart
 
-ALIKE = 0.5
-"""Nats that numbers may cost that do the same."""
+ALIKE = 0.01
+"""Share of the loss that numbers may cost that do the same: the observer's noise goes with what its states are counted in."""
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Progress = Callable[[str, float], None]
@@ -156,7 +156,7 @@ def _plainest(problem: Problem, at: Point, effects: Sequence[str]) -> Point:
             told = effect.plainest({row.name: values[own + row.name] for row in effect.parameters})
             values |= {own + name: value for name, value in told.items()}
     plain = problem.points([(at.z, values)])[0] if values != at.effects else at
-    return plain if plain.loss <= at.loss + ALIKE else at
+    return plain if plain.loss <= (1.0 + ALIKE) * at.loss else at
 
 
 def _last_fit(case: Case) -> Fitted:
