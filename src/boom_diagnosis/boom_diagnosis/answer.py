@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
-from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, MOST_CERTAIN, MOVED, NAMED_FROM
+from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, MOST_CERTAIN, MOVED, NAMED_FROM, NEAR_FLOOR
 from boom_diagnosis.bag_samples import PERIOD, Bag
 from boom_diagnosis.document import (
     SUBSYSTEMS,
@@ -34,6 +34,7 @@ from boom_diagnosis.locating import links, locate
 from boom_diagnosis.must_keep import (
     as_far_by_chance,
     by_free_runs,
+    far,
     far_channels,
     kept,
     shown,
@@ -46,6 +47,7 @@ from boom_diagnosis.odds import (
     Odds,
     final_numbers,
     hypothesis_rows,
+    is_told,
     odds_of,
     own_name,
     probability_of,
@@ -133,8 +135,8 @@ def assemble(
         unknown = UNTOLD
     floor = median(floors)
     unproved_by = worse_channels(driven, floor) or far_channels(driven, floor, FAR_FROM_FLOOR) if case.taken else []
-    odds = odds_of(case, unknown, proved=not unproved_by, spared=spared)
-    unseen = bool(case.taken) and _unseen(tight, driven, floor)
+    odds = odds_of(case, unknown, proved=not unproved_by, spared=spared, far=far(driven, floor))
+    unseen = bool(case.taken) and (_unseen(tight, driven, floor) or _nothing_told(case, driven, floor))
     if unseen or (case.taken and spared > max(odds.effects[0].values())):
         case.disproved += case.taken[:1] if unseen else []
         return assemble(doubted(case.without_effects()), about, weak)
@@ -220,6 +222,11 @@ def _unseen(tight: _Tight, driven: Mapping[str, Sequence[float]], floor: Errors)
     What only likelihood sees then is how two models of one machine differ, or sensors whose noise is not the file's.
     """
     return tight.excess_before < NEGLIGIBLE and not shown(driven, floor)
+
+
+def _nothing_told(case: Case, driven: Mapping[str, Sequence[float]], floor: Errors) -> bool:
+    """Whether nothing that was found is told from nothing, and free runs with parameters alone are near what noise leaves."""
+    return far(driven, floor) < NEAR_FLOOR / FAR_FROM_FLOOR and not any(is_told(case, effect) for effect in case.named)
 
 
 def _rivals(case: Case, ranked: Sequence[RankingRow]) -> list[tuple[str, Point]]:

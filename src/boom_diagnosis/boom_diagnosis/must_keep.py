@@ -57,9 +57,14 @@ def by_free_runs(
     plain = _square(held_out["parameters_only"], noise_floor)
     found = _square(held_out.get("explained", held_out["parameters_only"]), noise_floor)
     odds = unknown / (1.0 - unknown)
-    odds *= min(1.0, plain / (NEAR_FLOOR * FAR_FROM_FLOOR)) * max(1.0, found / FAR_FROM_FLOOR**2)
+    odds *= far(held_out, noise_floor) * max(1.0, found / FAR_FROM_FLOOR**2)
     weighed = odds / (1.0 + odds)
     return weighed, max(0.0, unknown - weighed) * min(1.0, found / plain)
+
+
+def far(held_out: Mapping[str, Sequence[float]], noise_floor: Sequence[float]) -> float:
+    """min(1, p^2 / 27) of parameters only: how far their free runs let physics be missing."""
+    return min(1.0, _square(held_out["parameters_only"], noise_floor) / (NEAR_FLOOR * FAR_FROM_FLOOR))
 
 
 def as_far_by_chance(z: Array) -> float:

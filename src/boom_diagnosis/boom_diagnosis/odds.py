@@ -37,12 +37,13 @@ class Odds:
     tolerances: float
 
 
-def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 0.0) -> Odds:
+def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 0.0, far: float = 1.0) -> Odds:
     """The probabilities of a finished search, as they are stated (four digits).
 
     unknown: before it is weighed with the rest. proved: by free runs over data not used; what they are worse with, or far from the
     noise floor, is not sure, nor what begins where all data are held out. What is not claimed of an effect is unknown physics,
-    where tolerances alone leave a clear rest.
+    where tolerances alone leave a clear rest, as far as free runs are ``far`` (1) with tolerances alone and not near (0) what noise
+    leaves: near it, nothing.
     An effect that explains more, but as no machine can have it, is unknown physics that looks like it.
     spared: what one-step errors said of unknown physics and free runs took back: no effect explains that either.
     """
@@ -63,11 +64,11 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 
         lost = 0.0
         for effect, stated_of in row.items():
             sure = effect not in case.named or (proved and _seen_before(case, effect))
-            most = UNTOLD if not _told(case, effect) else 1.0 if sure else UNPROVED
+            most = UNTOLD if not is_told(case, effect) else 1.0 if sure else UNPROVED
             lost, row[effect] = lost + max(0.0, stated_of - most), min(stated_of, most)
         effects.append(row)
         if k == 0 and clear(case, case.rounds[0].base):  # something is wrong, if not this
-            doubted = lost
+            doubted, none = far * lost, none + (1.0 - far) * lost
         elif k == 0:
             none += lost
         tolerances = tolerances if k else none + spared
@@ -101,7 +102,7 @@ def _place(case: Case, effect: str) -> str:
     return next(link.key for link in links(case.machine) if EFFECTS[effect].subsystem in link.subsystems)
 
 
-def _told(case: Case, effect: str) -> bool:
+def is_told(case: Case, effect: str) -> bool:
     """Whether the numbers of what was taken differ from nothing; what was not taken has nothing to keep."""
     if case.final is None or effect not in case.named:
         return True

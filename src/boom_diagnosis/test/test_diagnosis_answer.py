@@ -90,7 +90,7 @@ def test_what_free_runs_are_worse_with_is_not_sure(
 ) -> None:
     case.weighed = [[weighed("pilot_lag", 3000.0, 3000.0, 2000.0)]]
     case.taken, case.temperature = case.weighed[0], 3.0
-    monkeypatch.setattr(weighing_of, "_told", lambda *given: True)
+    monkeypatch.setattr(weighing_of, "is_told", lambda *given: True)
     odds = weighing_of.odds_of(case, 0.02, proved=proved)
     assert odds.effects[0]["pilot_lag"] == pytest.approx(min(0.98, most))
     assert odds.effects[0]["pilot_lag"] + odds.tolerances + odds.unknown == pytest.approx(1.0, abs=2e-4)
@@ -107,19 +107,23 @@ def test_what_begins_where_all_data_are_held_out_has_nothing_that_proves_it(
     case.training = [np.arange(60.0)[:, None] < [40.0]]
     values = {"effects.payload_change.t_g": begin}
     monkeypatch.setattr(Case, "last", SimpleNamespace(effects=values))
-    monkeypatch.setattr(weighing_of, "_told", lambda *given: True)
+    monkeypatch.setattr(weighing_of, "is_told", lambda *given: True)
     assert weighing_of.odds_of(case, 0.02).effects[0]["payload_change"] == pytest.approx(min(0.98, most))
 
 
-@pytest.mark.parametrize(("wrong", "unknown", "tolerances"), [(True, 0.51, 0.0), (False, 0.02, 0.49)])
+@pytest.mark.parametrize(
+    ("wrong", "far", "unknown", "tolerances"),
+    [(True, 1.0, 0.51, 0.0), (False, 1.0, 0.02, 0.49), (True, 0.1, 0.069, 0.441)],
+)
 def test_what_cannot_be_claimed_of_an_effect_is_unknown_physics_where_something_is_clearly_wrong(
-    monkeypatch: pytest.MonkeyPatch, case: Any, wrong: bool, unknown: float, tolerances: float
+    monkeypatch: pytest.MonkeyPatch, case: Any, wrong: bool, far: float, unknown: float, tolerances: float
 ) -> None:
+    """As far as free runs with tolerances alone are far from what noise leaves."""
     case.weighed = [[weighed("pilot_lag", 3000.0, 3000.0, 2000.0)]]
     case.taken, case.temperature = case.weighed[0], 3.0
-    monkeypatch.setattr(weighing_of, "_told", lambda *given: False)
+    monkeypatch.setattr(weighing_of, "is_told", lambda *given: False)
     monkeypatch.setattr(weighing_of, "clear", lambda *given: wrong)
-    odds = weighing_of.odds_of(case, 0.02)
+    odds = weighing_of.odds_of(case, 0.02, far=far)
     assert odds.effects[0]["pilot_lag"] == weighing_of.UNTOLD
     assert (odds.unknown, odds.tolerances) == pytest.approx((unknown, tolerances), abs=2e-3)
 
@@ -132,7 +136,7 @@ def test_what_explains_more_as_no_machine_can_have_it_is_unknown_physics_that_lo
     case.weighed = [[weighed("edge_overlap", 3000.0, 3000.0, 2000.0)]]
     case.taken, case.temperature = case.weighed[0], 3.0
     case.impossible = [replace(case.taken[0].fitted, effect="compensator_droop", gain=gain)]
-    monkeypatch.setattr(weighing_of, "_told", lambda *given: True)
+    monkeypatch.setattr(weighing_of, "is_told", lambda *given: True)
     odds = weighing_of.odds_of(case, 0.02)
     assert odds.unknown == pytest.approx(unknown, abs=0.012)
     assert odds.effects[0]["edge_overlap"] + odds.tolerances + odds.unknown == pytest.approx(1.0, abs=2e-4)
@@ -158,7 +162,7 @@ def test_of_two_effects_that_explain_the_same_the_one_with_fewer_numbers_is_it_h
     fewer, more = (replace(weighed(name, 1e5, 2e5, 2000.0), cost=cost) for name, cost in costs.items())
     case.weighed, case.taken, case.temperature = [[fewer, more]], [fewer], 3.0
     case.rounds[0].base = replace(case.rounds[0].base, loss=3e5)
-    monkeypatch.setattr(weighing_of, "_told", lambda *given: True)
+    monkeypatch.setattr(weighing_of, "is_told", lambda *given: True)
     assert weighing_of.odds_of(case, 0.02).effects[0]["payload_change"] < 0.01
 
 

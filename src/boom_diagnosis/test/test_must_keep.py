@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from boom_diagnosis.document import Estimate, Finding, Fit
-from boom_diagnosis.must_keep import as_far_by_chance, kept, shown, told, worse_on_the_whole
+from boom_diagnosis.must_keep import as_far_by_chance, far, kept, shown, told, worse_on_the_whole
 
 FLOOR = (0.01, 0.02, 0.02, 0.03)
 
@@ -35,6 +35,12 @@ def test_a_size_sought_by_its_logarithm_is_told_where_its_interval_leaves_out_so
     interval: tuple[float, float], expected: bool
 ) -> None:
     assert told("presliding_friction", {"compliance": Estimate(1e-6, "rad/(N m)", interval)}) is expected
+
+
+@pytest.mark.parametrize(("times", "expected"), [(1.5, 2.25 / 27), (6.0, 1.0)])
+def test_free_runs_near_what_noise_leaves_let_no_physics_be_missing(times: float, expected: float) -> None:
+    held_out = {"parameters_only": tuple(times * n for n in FLOOR)}
+    assert far(held_out, FLOOR) == pytest.approx(expected)
 
 
 def test_a_load_in_two_steps_is_told_where_one_of_its_masses_is() -> None:
