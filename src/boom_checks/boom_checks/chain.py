@@ -336,8 +336,8 @@ def _ports(series: EvenSeries, run: ForcedRun, plant: Plant) -> list[ChainLink]:
         if not np.isfinite(flow).any():
             continue
         name = {"hose_pressure": "hose_flow", "rod_pressure": "rod_flow"}[channel]
-        apart = [np.nanmean((other[name] - flow) ** 2) for other in others]
-        left = math.hypot(math.sqrt(float(np.quantile(apart or 0.0, MOST))), noise)
+        apart = [v for other in others if np.isfinite(v := np.nanmean((other[name] - flow) ** 2))]
+        left = math.hypot(math.sqrt(float(np.quantile(apart or np.nanmean(flow**2), MOST))), noise)
         driven = f"currents, motion, {channel.replace('_', ' ')}"
         links.append(ChainLink(names[channel], driven, "m^3/s", series.time, flow, needed, left))
     return links
@@ -346,7 +346,7 @@ def _ports(series: EvenSeries, run: ForcedRun, plant: Plant) -> list[ChainLink]:
 def _within(machine: Machine) -> list[Machine]:
     """``DRAWS`` machines with the numbers of the main valve's edges at either end of their tolerances, drawn.
 
-    The largest but one tells what they leave: all ends together may open a valve beyond all that it can.
+    Not the largest difference tells what they leave: all ends together may open a valve beyond all that it can.
     """
     random = np.random.default_rng(0)
     known = {key: q for key, q in machine.parameters.items() if key.startswith(VALVE)}

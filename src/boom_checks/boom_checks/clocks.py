@@ -8,6 +8,8 @@ comes before its cause, or later than any of these, is a clock.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from math import ceil, inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +63,22 @@ def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
                     odds + PRIOR,
                 )
             )  # fmt: skip
-    return found
+    return _one_clock(found)
+
+
+def _one_clock(found: list[RecordingCheck]) -> list[RecordingCheck]:
+    """Where pressures and currents run alike against the joint states, it is the clock of these."""
+    ends = [check.measure.interval_90 for check in found if check.measure.name == "drift"]
+    if len(ends) < 2 or max(low for low, _ in ends) > min(high for _, high in ends):
+        return found
+    surest = max(found, key=lambda check: check.log_odds)
+    other = surest.measure
+    measure = replace(other, value=-other.value, interval_90=(-other.interval_90[1], -other.interval_90[0]))
+    way, length = "fast" if measure.value > 0.0 else "slow", surest.intervals_s[0][1]
+    over = 0.01 * abs(measure.value) * length
+    said = f"the stamps run {way} against those of pressures and currents, by {over:.2f} s over the recording"
+    sentence = f"{said} ({measure.text}): the clocks differ"
+    return [replace(surest, topic="/joint_states", sentence=sentence, measure=measure)]
 
 
 def drift(
@@ -69,7 +86,7 @@ def drift(
 ) -> tuple[IntervalValue, float]:  # fmt: skip
     """By how much the signals' clock runs fast [%] with its interval, and its log odds against an offset alone, about ``late`` [s].
 
-    About the middle of what is looked at, so that offset and drift do not trade off.
+    Offset in the middle of what is looked at and drift are sought together: the best offset alone is that of where the boom moves.
     """
     shares = np.linspace(-0.5, 0.5, len(series.time))
 
@@ -79,12 +96,19 @@ def drift(
         return relation(series.with_columns({n: _earlier(series.columns[n], moved) for n in names}), boom)
 
     middle = round(late / PERIOD)
-    near = range(middle - 2 * FINE, middle + 2 * FINE + 1, FINE)
-    still = max(score(shift, 0) for shift in near)
+    still = max(score(shift, 0) for shift in range(middle - 2 * FINE, middle + 2 * FINE + 1, FINE))
+
+    def between(over: int, step: int) -> range:
+        """Middles of a drift among whose offsets the best offset alone is."""
+        reach = step * ceil(0.5 * abs(over) / step) + 2 * FINE
+        return range(middle - reach, middle + reach + 1, step)
+
     drifts = [way * round(d / PERIOD) for d in DRIFTS for way in (-1, 1)]
-    best = max(drifts, key=lambda over: score(middle, over))
-    middle = max(near, key=lambda shift: score(shift, best))
-    tried = {over: score(middle, over) for over in range(best - COARSE, best + COARSE + 1, FINE)}
+    _, over, shift = max((score(shift, over), over, shift) for over in drifts for shift in between(over, COARSE))
+    tried: dict[int, float] = {}
+    for found in range(over - COARSE, over + COARSE + 1, FINE):
+        near = set(range(shift - COARSE, shift + COARSE + 1, FINE)) & set(between(found, FINE))
+        tried[found] = max((score(middle, found) for middle in near), default=-inf)
     best = max(tried, key=tried.__getitem__)
     inside = [over for over, value in tried.items() if value > tried[best] - DROP_90]
     scale = 100.0 / len(series.time)

@@ -9,6 +9,8 @@ from typing import Any
 from boom_controller.errors import ControlError
 from boom_node.parameters import ParameterSpec
 
+LONGEST_SAMPLE_TIME = 0.05
+"""s."""
 QUICKEST = 0.6
 """Largest rate of a feedback or an observer [1/s] times the sample time: at 60 1/s and samples 30 ms apart the boom would swing."""
 
@@ -47,7 +49,7 @@ def specifications(kind: Any) -> tuple[ParameterSpec, ...]:
 class LawSettings(Tunables):
     """Settings common to all control laws, SI. A law adds its own."""
 
-    sample_time: float = tunable(0.01, "s", 0.002, 0.05, "sample time T_s of all control laws")
+    sample_time: float = tunable(0.01, "s", 0.002, LONGEST_SAMPLE_TIME, "sample time T_s of all control laws")
     generator_pole: float = tunable(-10.0, "1/s", -50.0, -0.5, "fourfold pole of the trajectory generator (6.27)")
     neutral_pressure: float = tunable(5.0e5, "Pa", 0.5e5, 8.0e5, "pilot pressure of both sides with the spool centred")
     pilot_response: float = tunable(0.02, "s", 0.002, 0.2, "time constant to which the pilot stage's lag is inverted")

@@ -179,6 +179,23 @@ def test_sensors_that_are_slower_than_the_sample_time_are_said_before_anything_m
     boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
 
 
+def test_sensors_that_come_in_bursts_are_as_fast_as_they_are_on_the_whole(boom: Boom) -> None:
+    for _ in range(40):  # two samples at once, every other period
+        boom.period()
+        boom.now += 0.0002
+        boom.period()
+        boom.now += 2 * TS - 0.0002 - 2 * TS
+    boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
+
+
+def test_sensors_slower_than_any_sample_time_are_to_be_sampled_faster(boom: Boom) -> None:
+    for _ in range(30):
+        boom.period()
+        boom.now += 0.09
+    with pytest.raises(TrajectoryError, match="samples come every 100 ms and sample_time is 10 ms: sample them faster"):
+        boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
+
+
 def test_a_stream_that_begins_far_away_is_not_followed(boom: Boom) -> None:
     boom.wanted = lambda _: 0.5
     boom.run(0.5)

@@ -76,7 +76,7 @@ def test_only_an_explicit_command_ends_a_stop_and_only_when_nothing_stands() -> 
     success, text = made.resume(StopCause("emergency_stop", "emergency stop"))
     assert not success and "emergency stop" in text
     assert made.state is MotionState.STOPPED
-    assert made.resume(None)[0]
+    assert made.resume(None, "not ready: preparing the laws") == (True, "not ready: preparing the laws")
     assert made.state is MotionState.IDLE and made.finding is None
 
 

@@ -143,7 +143,7 @@ def _bearable(case: Case, best: Weighed) -> float:
     if case.taken:
         return LATER_CLEAR if _share_of_clear_rest(case, best) > NEARLY_ALL else LATER
     effect, numbers = best.fitted.effect, numbers_of(case, best.fitted)
-    if numbers and not told(effect, of_effect(numbers, effect)):  # one that cannot be told from nothing
+    if numbers and not told(effect, of_effect(numbers, effect), case.size):  # one that cannot be told from nothing
         return LATER
     share = _share_explained(case, best)
     return next((factor for least, factor in BEARABLE if share > least), WORSE)
@@ -170,7 +170,7 @@ def given_up(case: Case) -> bool:
     assert case.final is not None  # with all derivatives where the search ended
     k, last = len(case.taken) - 1, case.taken[-1]
     effect = last.fitted.effect
-    if told(effect, of_effect(numbers_of(case, case.final), effect)):
+    if told(effect, of_effect(numbers_of(case, case.final), effect), case.size):
         return False
     if clear(case, case.rounds[k].base) and (
         k == 0 or worsening(case, case.trained[k], case.trained[k + 1]) <= CLEARLY_BETTER

@@ -74,8 +74,9 @@ def locate(
 ) -> tuple[tuple[EquationEvidence, ...], str, list[dict[str, Array]]]:  # fmt: skip
     """Evidence per equation; whether both ways agree, in words; unknown inputs over time per recording.
 
-    At the fitted point (z, ``values``), or at the file's own numbers where these are likelier once an unknown input is allowed:
-    what is missing may have driven the fit far from the machine, and then the chain breaks where nothing is wrong.
+    At the fitted point (z, ``values``), or, where no effect was found, at the file's own numbers if these are likelier once an
+    unknown input is allowed: what is missing may have driven the fit far from the machine, and then the chain breaks where nothing
+    is wrong.
 
     doubted: whether any equation is in doubt; the statistical way, which is the long one, is gone only then. Behind a valve that
     holds the load the chain cannot be forced: the pressure that carries the boom is not measured.
@@ -83,13 +84,12 @@ def locate(
     base = problem_at(machine, bags, select, nuisances, z, values, 1.0)
     statistical = {link.key: 0.0 for link in links(machine)}
     if doubted:
+        statistical, most = _statistical(base, z, values)
         nominal = np.zeros(len(z))
         own = problem_at(machine, bags, select, nuisances, nominal, {}, 1.0)
-        found = [_statistical(base, z, values), _statistical(own, nominal, {})]
-        fitted, files = (best - 0.5 * float(at @ at) for (_, best), at in zip(found, (z, nominal), strict=True))
-        statistical = found[files > fitted][0]
-        if files > fitted:
-            base, z, values = own, nominal, {}
+        other, likeliest = _statistical(own, nominal, {}) if not values else ({}, -np.inf)
+        if likeliest > most:
+            statistical, base, z = other, own, nominal
     chain, inputs = _chain(base, z, values, healthy)
     if holds := machine.holds:
         chain = dict.fromkeys(chain, 0.0)
@@ -114,7 +114,7 @@ def locate(
 
 
 def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> tuple[dict[str, float], float]:
-    """Share of each equation in what unknown inputs raise the likelihood by, and the largest log-likelihood with one [nats]."""
+    """Share of each equation in what unknown inputs raise the likelihood by, and the largest with one, prior included [nats]."""
     reference, looseness = base.likelihood_at(z, values), base.predictor.looseness
 
     def raised(tried: tuple[Link, float]) -> float:

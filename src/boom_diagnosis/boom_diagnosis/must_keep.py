@@ -11,19 +11,20 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, NEAR_FLOOR, OPEN, SHOWN, SURE, WORSE
 from boom_diagnosis.document import Estimate, Finding, Fit, Verdict
+from boom_diagnosis.sizes import THESIS, MachineSize, sized
 from boom_model.catalogue import EFFECTS
 from boom_model.sensors import OUTPUTS
 
 Array = NDArray[np.float64]
 
 
-def told(effect: str, numbers: Mapping[str, Estimate]) -> bool:
+def told(effect: str, numbers: Mapping[str, Estimate], size: MachineSize = THESIS) -> bool:
     """Whether one of an effect's ``numbers`` (its own names) differs from doing nothing by more than its 90 % interval.
 
     Nothing is as well what sound machines have. One that is sought by its logarithm always does: it is told where its interval
     leaves some of what is plausible out.
     """
-    for row in EFFECTS[effect].sizes:
+    for row in sized(EFFECTS[effect], size).sizes:
         if (estimate := numbers.get(row.name)) is None:
             continue
         low, high = estimate.interval_90

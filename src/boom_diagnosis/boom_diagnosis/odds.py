@@ -106,7 +106,7 @@ def is_told(case: Case, effect: str) -> bool:
     """Whether the numbers of what was taken differ from nothing; what was not taken has nothing to keep."""
     if case.final is None or effect not in case.named:
         return True
-    return told(effect, of_effect(final_numbers(case), effect))
+    return told(effect, of_effect(final_numbers(case), effect), case.size)
 
 
 def _seen_before(case: Case, effect: str) -> bool:

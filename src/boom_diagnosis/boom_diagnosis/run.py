@@ -36,8 +36,6 @@ from boom_model.catalogue import EFFECTS
 from boom_model.machine import Machine
 from boom_recording.recording import Recording, told_apart
 
-ALIKE = 0.01
-"""Share of the loss that numbers may cost that do the same: the observer's noise goes with what its states are counted in."""
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Progress = Callable[[str, float], None]
@@ -107,9 +105,10 @@ def search(case: Case, progress: Progress) -> Case:
     """Round after round: what explains most is taken, all is computed anew, until nothing earns its place; the case as it ends."""
     case = rounds(case, progress)
     if not case.learned and case.rest(case.last) > NEGLIGIBLE:
+        first = case
         if slow := commanded_oftener(case):
             case = _better(case, rounds(slow, progress))
-        elif bags := strayed(case):
+        if case is first and (bags := strayed(case)):
             case = _better(case, rounds(case.with_bags(*bags), progress))
     progress("doubting the machine file", 0.75)
     if other := with_wrong_number(case):
@@ -148,15 +147,14 @@ def _finish(case: Case) -> None:
 
 
 def _plainest(problem: Problem, at: Point, effects: Sequence[str]) -> Point:
-    """The point with the plainest of the numbers that do the same; where they do not after all, the point itself."""
-    values = dict(at.effects)
-    for effect in (EFFECTS[name] for name in effects):
+    """The point with the plainest of the numbers that do the same, as they do where no load comes and goes."""
+    taken, values = [EFFECTS[name] for name in effects], dict(at.effects)
+    for effect in taken if not any(effect.load for effect in taken) else ():
         if effect.plainest:
             own = f"effects.{effect.id}."
             told = effect.plainest({row.name: values[own + row.name] for row in effect.parameters})
             values |= {own + name: value for name, value in told.items()}
-    plain = problem.points([(at.z, values)])[0] if values != at.effects else at
-    return plain if plain.loss <= (1.0 + ALIKE) * at.loss else at
+    return problem.points([(at.z, values)])[0] if values != at.effects else at
 
 
 def _last_fit(case: Case) -> Fitted:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rounds_cases import SAMPLES, point, weighed
 
-from boom_diagnosis import answer, earning
+from boom_diagnosis import answer, earning, run
 from boom_diagnosis import odds as weighing_of
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
@@ -238,3 +238,34 @@ def test_where_the_rate_alone_is_off_it_is_the_sensor(angle: float, rate: float,
     """Floors of 0.05, 0.03, 0.01 and 0.01; a pressure at 1.3 times its floor is not off."""
     fit = replace(OFF, held_out={"parameters_only": (angle, rate, 0.013, 0.01)}, noise_floor=(0.05, 0.03, 0.01, 0.01))
     assert answer.rate_alone(fit) is alone
+
+
+@pytest.mark.parametrize(("left", "kept"), [(0.04, False), (0.02, True)])
+def test_a_search_with_other_currents_counts_only_where_it_leaves_less(left: float, kept: bool) -> None:
+    """A bending boom that was found to 0.04 nats was a base that gives, to 2.7, after the search had begun anew."""
+    before, again = (SimpleNamespace(learned=None, last=None, rest=lambda _, r=r: r) for r in (0.03, left))
+    chosen: Any = run._better(before, again)  # type: ignore[arg-type]
+    assert (chosen is again) == kept
+
+
+@pytest.mark.parametrize(
+    ("error", "told", "expected"), [(0.015, {"a"}, False), (0.015, set(), True), (0.05, set(), False)]
+)
+def test_what_is_told_from_nothing_by_no_number_goes_where_parameters_alone_run_as_noise_lets_them(
+    monkeypatch: pytest.MonkeyPatch, error: float, told: set[str], expected: bool
+) -> None:
+    monkeypatch.setattr(answer, "is_told", lambda _, effect: effect in told)
+    case: Any = SimpleNamespace(named=("a", "b"))
+    assert answer._nothing_told(case, {"parameters_only": (error,) * 4}, (0.01,) * 4) == expected
+
+
+@pytest.mark.parametrize(("others", "gain"), [((), 1.0), (("payload_change",), 0.5)])
+def test_numbers_that_do_the_same_are_the_plainest_unless_a_load_tells_them_apart(
+    others: tuple[str, ...], gain: float
+) -> None:
+    own = {"gain": 0.5, "f": 2.0, "zeta": 0.02, "mu": 0.8, "eta": 0.6, "sag": 0.0}
+    at: Any = SimpleNamespace(z=np.zeros(1), effects={f"effects.boom_flexibility.{n}": v for n, v in own.items()})
+    problem: Any = SimpleNamespace(points=lambda given: [SimpleNamespace(z=z, effects=v) for z, v in given])
+    plain = run._plainest(problem, at, ["boom_flexibility", *others])
+    assert plain.effects["effects.boom_flexibility.gain"] == gain
+    assert plain.effects["effects.boom_flexibility.mu"] == pytest.approx(0.2 if gain == 1.0 else 0.8)

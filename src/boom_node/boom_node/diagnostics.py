@@ -91,4 +91,4 @@ class DiagnosticsPublisher:
 
 
 def _words(health: Health) -> tuple[Level, str]:
-    return health.level, re.sub(r"\d[\d.]*", "0", health.message)
+    return health.level, re.sub(r"-?\d[\d.]*(e[+-]?\d+)?", "0", health.message)

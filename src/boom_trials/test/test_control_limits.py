@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from boom_controller.controller import Settings, make_controller
-from boom_controller.types import Reference
+from boom_controller.types import Measurement, Reference
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 from boom_model.sensors import IDEAL
@@ -113,6 +113,19 @@ def test_a_boom_that_sags_comes_to_where_its_imu_shows_the_wanted_angle(sag: flo
     assert not done.stopped
     assert abs(done.values["angle"][-1] - 0.6) < 1e-3
     assert np.abs(done.values["estimated_load"][:100]).max() < 20.0  # a boom that was not known to sag had 3 t
+
+
+def test_a_boom_that_sags_and_whose_pressures_come_late_begins_at_rest() -> None:
+    bends = {"gain": 1.0, "f": 2.0, "zeta": 0.03, "mu": 0.6, "eta": 0.7, "sag": 1.0}
+    machine = load_machine("tz17").with_effects({"boom_flexibility": bends, "pressure_delay": {"T": 0.03}})
+    pose = machine.pose(0.28, 2.2)
+    plant = Plant(machine, pose)
+    shown = [float(v) for v in plant.outputs(start_state(plant, machine, pose, 0.32))]
+    law = make_controller("improved", machine, pose, Settings())
+    at_rest = Measurement(0.0, *shown)
+    law.reset(at_rest)
+    errors = [law.step(Reference(shown[0]), at_rest).angle_error for _ in range(5)]
+    assert np.abs(errors).max() < 1e-3  # 12 mrad where the sag was taken off twice
 
 
 @pytest.mark.parametrize("period", [0.02, 0.03, 0.05])

@@ -67,9 +67,9 @@ class Held(NamedTuple):
         """For pressures that are ``delay`` [s] late."""
         return cls(((0.0,) * (len(Reference._fields) + 2),) * ceil(delay / sample_time))
 
-    def filled(self, m: Measurement) -> Held:
-        """The boom has rested here for long."""
-        return Held(((*Reference(m.angle), m.angle, m.rate),) * len(self.rows))
+    def filled(self, wanted: Expression, m: Measurement) -> Held:
+        """The boom has rested for long where it is wanted [rad] and shown."""
+        return Held(((*Reference(wanted), m.angle, m.rate),) * len(self.rows))
 
     def with_next(
         self, r: Reference, m: Measurement, delay: float, sample_time: float

@@ -176,13 +176,14 @@ class Improved:
 
     def reset(self, measurement: Measurement) -> None:
         """Start at rest: valve centred, nominal oil, no load beyond the configured one."""
-        load, measurement = self._load.resting(measurement)
-        hose, rod = measurement.hose_pressure, measurement.rod_pressure
-        force = self._model.resting_force(measurement)
+        shown = self._model.sample(measurement)
+        load, there = self._load.resting(shown)
+        hose, rod = shown.hose_pressure, shown.rod_pressure
+        force = self._model.resting_force(there)
         self._law.start(
             self._start._replace(
                 load=load,
-                held=self._start.held.filled(measurement),
+                held=self._start.held.filled(there.angle, shown),
                 head=ChamberState(pressure=hose),
                 rod=ChamberState(pressure=rod),
                 missed=MissedState(force=force),

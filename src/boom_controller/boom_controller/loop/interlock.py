@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from boom_controller.loop.law_in_use import LawInUse
+from boom_controller.settings import LONGEST_SAMPLE_TIME
 from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.sensor_set import SensorSet
 from boom_controller.supervision.state_machine import Supervision
 
 SLOWER = 1.4
-"""Times sample_time between two samples: no cycle of every third would have one."""
+"""Times sample_time between two samples: beyond, more than one cycle in four has no new one."""
 
 
 class Interlock:
@@ -45,9 +46,8 @@ class Interlock:
             return "not ready: no /boom/machine_configuration yet"
         spacing, period = self._sensors.spacing, self._law.settings.sample_time
         if spacing > SLOWER * period:
-            return (
-                f"not ready: samples come every {1e3 * spacing:.0f} ms and sample_time is {1e3 * period:.0f} ms: start the "
-                f"controller with sample_time:={spacing:.2g}"
-            )
+            said = f"not ready: samples come every {1e3 * spacing:.0f} ms and sample_time is {1e3 * period:.0f} ms: "
+            slow = spacing > LONGEST_SAMPLE_TIME
+            return said + ("sample them faster" if slow else f"start the controller with sample_time:={spacing:.2g}")
         finding = self.standing(now)
         return f"not ready: {finding.text}" if finding is not None else ""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from statistics import median
 
 from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.sensors import MOVES, Agreement, Range, SupervisedSensor
@@ -21,8 +20,8 @@ _DRIFT_T, _DRIFT = 10.0, 2.0
 """s, and times ``largest_disagreement``: an angle that leaves the gyro slowly. A gyro that is 10 % wrong stays below over 1 rad."""
 _NO_CHANGE = 1e-6  # rad/s
 _NO_CHANGE_OF_PRESSURE = 10.0  # Pa
-_INTERVALS = 21
-"""Between samples of the angle, of which the one in the middle tells how often they come."""
+_INTERVALS = 20
+"""Between samples of the angle, whose mean tells how often they come: a bus may hand over several at once."""
 _FED_BACK = ("divergence", "oscillation", "load_not_held", "no_motion", "speed_limit")
 """What a pressure that is wrong may end in, as the law feeds it back."""
 _CURRENT = Range("current", "A", -0.05, 10.0)
@@ -44,7 +43,7 @@ class SensorSet:
         self.currents = SupervisedSensor("currents", (_CURRENT, _CURRENT))
         self._agreement, self._drift = Agreement(), Agreement(_DRIFT_T)
         self._age, self._turned = 0.0, math.inf
-        self._intervals = deque[float](maxlen=_INTERVALS)
+        self._stamps = deque[float](maxlen=_INTERVALS + 1)
         self._watch_repeats()
 
     def set_stroke(self, low: float, high: float) -> None:
@@ -53,9 +52,8 @@ class SensorSet:
 
     def take_joint(self, angle: float, rate: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
         """Accept angle [rad] and rate [rad/s]. at_rest: the valve is closed; what the gyro does then tells its noise."""
-        before = self.joint.stamp
         if self.joint.take((angle, rate), stamp, measured):
-            self._intervals.append(stamp - before)
+            self._stamps.append(stamp)
             turns = rate if abs(rate) > MOVES else 0.0
             turned, self._turned = turns * max(stamp - self._turned, 0.0), stamp
             self._agreement.update(stamp, angle, rate)
@@ -84,13 +82,14 @@ class SensorSet:
         self._agreement.reset()
         self._drift.reset()
         self._turned = math.inf
-        self._intervals.clear()
+        self._stamps.clear()
         self._watch_repeats()
 
     @property
     def spacing(self) -> float:
         """Time [s] from one sample of the angle to the next; 0 before it is known."""
-        return median(self._intervals) if len(self._intervals) == _INTERVALS else 0.0
+        stamps = self._stamps
+        return (stamps[-1] - stamps[0]) / _INTERVALS if len(stamps) > _INTERVALS else 0.0
 
     def complete(self, most_apart: float) -> bool:
         """True once each has delivered a new sample since :meth:`use`, all within ``most_apart`` [s].

@@ -78,10 +78,10 @@ def _seen_rate(rate: Expression, own: Any, _at: Any) -> Expression:
 
 def _of_two_masses(own: Mapping[str, float]) -> dict[str, float]:
     """With Gamma = 1: Gamma^2 mu, Gamma eta and Gamma^2 s are all that shows as long as no load is picked up."""
-    gain, mu = own["gain"], own["gain"] ** 2 * own["mu"]
-    if not LEAST_MODAL * LEAST_RIGID < mu < 1.0 - LEAST_RIGID:
-        return {**own}
-    return {**own, "gain": 1.0, "mu": mu, "eta": gain * own["eta"], "sag": gain**2 * own["sag"]}
+    gain = own["gain"]
+    told = {**own, "gain": 1.0, "mu": gain**2 * own["mu"], "eta": gain * own["eta"], "sag": gain**2 * own["sag"]}
+    inside = all(row.minimum <= told[row.name] <= row.maximum for row in EFFECT.parameters)
+    return told if inside and told["mu"] > LEAST_MODAL * LEAST_RIGID else {**own}
 
 
 # What is slower than the modes of a steel boom, or more damped as far as its interval tells, is the mode of another body.
