@@ -106,15 +106,18 @@ def drift(
     drifts = [way * round(d / PERIOD) for d in DRIFTS for way in (-1, 1)]
     _, over, shift = max((score(shift, over), over, shift) for over in drifts for shift in between(over, COARSE))
     tried: dict[int, float] = {}
-    for found in range(over - COARSE, over + COARSE + 1, FINE):
-        near = set(range(shift - COARSE, shift + COARSE + 1, FINE)) & set(between(found, FINE))
-        tried[found] = max((score(middle, found) for middle in near), default=-inf)
-    best = max(tried, key=tried.__getitem__)
+    best, most = over, max(drifts) + COARSE
+    while best not in tried or (best in (min(tried), max(tried)) and abs(best) < most):
+        for found in range(best - COARSE, best + COARSE + 1, FINE):
+            near = set(range(shift - COARSE, shift + COARSE + 1, FINE)) & set(between(found, FINE))
+            tried[found] = max((score(middle, found) for middle in near), default=-inf)
+        best = max(tried, key=tried.__getitem__)
     inside = [over for over, value in tried.items() if value > tried[best] - DROP_90]
     scale = 100.0 / len(series.time)
     value = IntervalValue("drift", scale * best, "%", (scale * (min(inside) - FINE), scale * (max(inside) + FINE)))
     large = abs(best) * PERIOD > 0.5 * DRIFTS[0]
-    return value, tried[best] - still if large else 0.0
+    inner = min(tried) < best < max(tried)  # the largest value at an end is no maximum
+    return value, tried[best] - still if large and inner else 0.0
 
 
 def offset(
