@@ -7,11 +7,13 @@ Problems of rclpy 7.1.6 that this module solves (each held by a test):
 - SIGTERM between ``rclpy.init`` and the creation of the node ends in a traceback: here Python's own handlers are active from
   before ``init`` until after the last destructor, and rclpy installs none.
 - an executor that is shut down inside a callback hangs: here `finish` only sets a flag, which the loop reads.
+- once in many thousand ends the middleware did not let go of a process that had done all it had to: it ends after ``LETTING_GO_S``.
 - an exception in a callback leaves the executor and ends the process: here the node's guard handles it, and whatever still leaves
   the executor.
 """
 
 import contextlib
+import faulthandler
 import os
 import signal
 import sys
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
 EXECUTOR_VARIABLE = "BOOM_EXECUTOR"  # "events" (default) or "single"
 SPIN_TIMEOUT_S = 0.2  # how long a signal may wait for the executor to return to Python
 
+LETTING_GO_S = 10.0
+"""s until a process ends that the middleware does not let go of (status 1, and where each thread stands)."""
 CLOCK_PATIENCE_S = 3.0  # s until a node that wants /clock says that nobody publishes it
 
 
@@ -149,6 +153,7 @@ def run(
             return 0
         finally:
             rclpy.try_shutdown()
+            faulthandler.cancel_dump_traceback_later()
 
 
 def _run_initialised(make_node: Callable[[], "Node | LifecycleNode"], kind: str | None) -> int:
@@ -216,6 +221,8 @@ def _close(node: "Node | LifecycleNode", executor: Any) -> None:
         if close is not None:
             close()
     finally:
+        with contextlib.suppress(AttributeError, OSError, ValueError):  # nowhere to write to
+            faulthandler.dump_traceback_later(LETTING_GO_S, exit=True, file=sys.__stderr__)
         if executor is not None:
             executor.remove_node(node)
             executor.shutdown()

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.process
 _NODE = textwrap.dedent(
     """
     from boom_node import early
-    import os, sys, threading
+    import ctypes, os, sys, threading
 
     def mark(text):
         print(text, flush=True)
@@ -70,6 +70,13 @@ _NODE = textwrap.dedent(
         def close(self):
             print("closed", flush=True)
 
+        def destroy_node(self):
+            if os.environ["BLOCK_AT"] == "letting go":
+                ctypes.PyDLL(None).sleep(60)  # and no other thread of Python runs meanwhile
+            super().destroy_node()
+
+    if os.environ["BLOCK_AT"] == "letting go":
+        shell.LETTING_GO_S = 1.0
     sys.exit(shell.run(Tiny))
     """
 )
@@ -136,6 +143,16 @@ def test_a_signal_at_any_moment_ends_the_node_without_a_traceback(tiny, moment: 
     assert status == 0
     assert "Traceback" not in errors
     assert ("closed" in node.printed) == (moment == "spinning")
+
+
+def test_a_node_that_the_middleware_does_not_let_go_of_ends_and_shows_where_it_hangs(tiny) -> None:
+    node = tiny(block_at="letting go")
+    node.wait_for("spinning")
+    node.process.send_signal(signal.SIGTERM)
+    status, errors = node.end()
+    assert status == 1
+    assert "closed" in node.printed
+    assert "Timeout (0:00:01)!" in errors and "in destroy_node" in errors
 
 
 def test_the_fall_back_executor_runs_the_node_too(tiny) -> None:
