@@ -225,8 +225,9 @@ def _unseen(tight: _Tight, driven: Mapping[str, Sequence[float]], floor: Errors)
 
 
 def _nothing_told(case: Case, driven: Mapping[str, Sequence[float]], floor: Errors) -> bool:
-    """Whether nothing that was found is told from nothing, and free runs with parameters alone are near what noise leaves."""
-    return far(driven, floor) < NEAR_FLOOR / FAR_FROM_FLOOR and not any(is_told(case, effect) for effect in case.named)
+    """Whether nothing that was found is told from a sound machine, and no free run with parameters alone is far from the noise."""
+    alone = {"explained": driven["parameters_only"]}
+    return not far_channels(alone, floor, NEAR_FLOOR) and not any(is_told(case, e, sound=True) for e in case.named)
 
 
 def _rivals(case: Case, ranked: Sequence[RankingRow]) -> list[tuple[str, Point]]:

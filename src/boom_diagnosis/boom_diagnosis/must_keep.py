@@ -18,18 +18,19 @@ from boom_model.sensors import OUTPUTS
 Array = NDArray[np.float64]
 
 
-def told(effect: str, numbers: Mapping[str, Estimate], size: MachineSize = THESIS) -> bool:
+def told(effect: str, numbers: Mapping[str, Estimate], size: MachineSize = THESIS, *, sound: bool = False) -> bool:
     """Whether one of an effect's ``numbers`` (its own names) differs from doing nothing by more than its 90 % interval.
 
-    Nothing is as well what sound machines have. One that is sought by its logarithm always does: it is told where its interval
-    leaves some of what is plausible out.
+    sound: from what sound machines of this size have, too. One that is sought by its logarithm always does: it is told where its
+    interval leaves some of what is plausible out.
     """
     for row in sized(EFFECTS[effect], size).sizes:
         if (estimate := numbers.get(row.name)) is None:
             continue
         low, high = estimate.interval_90
         anything = row.positive and low <= row.low and row.high <= high
-        nothing = low <= row.neutral + row.ordinary and high >= row.neutral - row.ordinary
+        ordinary = row.ordinary if sound else 0.0
+        nothing = low <= row.neutral + ordinary and high >= row.neutral - ordinary
         if not (anything or nothing):
             return True
     return False

@@ -102,11 +102,11 @@ def _place(case: Case, effect: str) -> str:
     return next(link.key for link in links(case.machine) if EFFECTS[effect].subsystem in link.subsystems)
 
 
-def is_told(case: Case, effect: str) -> bool:
-    """Whether the numbers of what was taken differ from nothing; what was not taken has nothing to keep."""
+def is_told(case: Case, effect: str, *, sound: bool = False) -> bool:
+    """Whether the numbers of what was taken differ from nothing, or a ``sound`` machine; what was not taken has nothing to keep."""
     if case.final is None or effect not in case.named:
         return True
-    return told(effect, of_effect(final_numbers(case), effect), case.size)
+    return told(effect, of_effect(final_numbers(case), effect), case.size, sound=sound)
 
 
 def _seen_before(case: Case, effect: str) -> bool:

@@ -286,7 +286,7 @@ def test_a_second_effect_that_may_do_nothing_stays_only_where_free_runs_are_clea
     case.rounds, case.temperature = [SimpleNamespace(base=point(rest)) for rest in (2000.0, 900.0)], 3.0
     case.taken, case.weighed, case.final = [first, second], [[first], [second]], second.fitted
     case.trained = [point(2000.0), point(900.0), point(600.0)]
-    monkeypatch.setattr(earning, "told", lambda effect, numbers: False)
+    monkeypatch.setattr(earning, "told", lambda effect, numbers, _size: False)
     monkeypatch.setattr(earning, "worsening", lambda case, before, after: free_runs)
     assert earning.given_up(case) is not kept
     assert case.taken == ([first, second] if kept else [first])
