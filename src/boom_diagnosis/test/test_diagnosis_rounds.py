@@ -334,7 +334,7 @@ def test_what_free_runs_leave_so_little_of_that_it_may_do_nothing_is_no_finding(
 
     monkeypatch.setattr(run, "_last_fit", lambda of: found.fitted)
     monkeypatch.setattr(run, "fit_to_free_runs", to_free_runs)
-    monkeypatch.setattr(earning, "told", lambda effect, numbers: told[0])
+    monkeypatch.setattr(earning, "told", lambda effect, numbers, _size: told[0])
     run._finish(case)
     assert done == ["free runs with payload", "free runs with tolerances"]
     assert (case.taken, case.final, case.disproved) == ([], None, [found])
