@@ -142,6 +142,7 @@ def _finish(case: Case) -> None:
         if not given_up(case):
             fit_to_free_runs(case)
             if not given_up(case):  # free runs may leave so little of it that it may do nothing
+                _tell_plainly(case)
                 return
         take(case)
 
@@ -157,12 +158,25 @@ def _plainest(problem: Problem, at: Point, effects: Sequence[str]) -> Point:
     return problem.points([(at.z, values)])[0] if values != at.effects else at
 
 
+def _tell_plainly(case: Case) -> None:
+    """What was found as its plainest numbers, with derivatives taken there."""
+    if case.final is None:
+        return
+    final, at = case.final, case.final.point
+    problem = case.problem(at.z, at.effects, case.rounds[len(case.taken) - 1].problem.predictor.looseness)
+    plain = _plainest(problem, at, case.named)
+    if plain is not at:
+        exact = problem.effect_jacobian(plain, final.coordinates, exact=True)
+        jacobian = np.concatenate([final.jacobian[:, : len(at.z)], exact], axis=1)
+        case.final = replace(final, point=plain, jacobian=jacobian)
+
+
 def _last_fit(case: Case) -> Fitted:
     """Where a tolerance can do what an effect does, derivatives from two places would tell them apart."""
     k, fitted = len(case.taken), case.taken[-1].fitted
     at, names = case.last, fitted.coordinates
     problem = case.problem(at.z, at.effects, case.rounds[k - 1].problem.predictor.looseness)
-    start = _plainest(problem, problem.points([(at.z, at.effects)])[0], [w.fitted.effect for w in case.taken])
+    start = problem.points([(at.z, at.effects)])[0]
     if time_in(start.effects):  # found beside other numbers than those it has now
         start = near_onset(problem, start)
     columns = problem.nuisance_jacobian(start)
