@@ -104,7 +104,10 @@ def drift(
         return range(middle - reach, middle + reach + 1, step)
 
     drifts = [way * round(d / PERIOD) for d in DRIFTS for way in (-1, 1)]
-    _, over, shift = max((score(shift, over), over, shift) for over in drifts for shift in between(over, COARSE))
+    first, over, shift = max((score(shift, over), over, shift) for over in drifts for shift in between(over, COARSE))
+    scale = 100.0 / len(series.time)
+    if first < still and abs(over) == min(map(abs, drifts)):  # the smaller the better: there is none
+        return IntervalValue("drift", 0.0, "%", (-scale * abs(over), scale * abs(over))), 0.0
     tried: dict[int, float] = {}
     best, most = over, max(drifts) + COARSE
     while best not in tried or (best in (min(tried), max(tried)) and abs(best) < most):
@@ -113,7 +116,6 @@ def drift(
             tried[found] = max((score(middle, found) for middle in near), default=-inf)
         best = max(tried, key=tried.__getitem__)
     inside = [over for over, value in tried.items() if value > tried[best] - DROP_90]
-    scale = 100.0 / len(series.time)
     value = IntervalValue("drift", scale * best, "%", (scale * (min(inside) - FINE), scale * (max(inside) + FINE)))
     large = abs(best) * PERIOD > 0.5 * DRIFTS[0]
     inner = min(tried) < best < max(tried)  # the largest value at an end is no maximum
