@@ -221,7 +221,7 @@ def _close(node: "Node | LifecycleNode", executor: Any) -> None:
         if close is not None:
             close()
     finally:
-        with contextlib.suppress(AttributeError, OSError, ValueError):  # nowhere to write to
+        with contextlib.suppress(AttributeError, OSError, RuntimeError, ValueError):  # nowhere to write to
             faulthandler.dump_traceback_later(LETTING_GO_S, exit=True, file=sys.__stderr__)
         if executor is not None:
             executor.remove_node(node)
