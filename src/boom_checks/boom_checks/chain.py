@@ -321,7 +321,7 @@ def _ports(series: EvenSeries, run: ForcedRun, plant: Plant) -> list[ChainLink]:
     head = np.full(len(position), p.cylinder.V_h) if separates else cylinder.head_volume(position, p) + p.cylinder.V_h
     volumes = {"hose_pressure": head, "rod_pressure": np.asarray(cylinder.rod_volume(position, p))}
     states = {"hose_pressure": "hose_pressure" if separates else "head_pressure", "rod_pressure": "rod_pressure"}
-    flows = {"hose_pressure": run.inner["hose_flow"], "rod_pressure": run.inner["rod_flow"]}
+    inner = {"hose_pressure": "hose_flow", "rod_pressure": "rod_flow"}
     names = {"hose_pressure": "head flow", "rod_pressure": "rod flow"}
     others = [
         forced_run(series, plant.with_numbers(other, plant.pose), INNER).inner for other in _within(plant.machine)
@@ -330,12 +330,12 @@ def _ports(series: EvenSeries, run: ForcedRun, plant: Plant) -> list[ChainLink]:
         plant.machine.sensor_noise().rate_sigma * float(np.nanmax(run.inner["jacobian"], initial=0.0)) * p.cylinder.A_a
     )
     links = []
-    for channel, flow in flows.items():
+    for channel, name in inner.items():
+        flow = run.inner[name]
         short = (series.smooth(channel, 1) - run.rates[states[channel]]) * volumes[channel] / p.fluid.beta
         needed = flow + _lasting(short)
         if not np.isfinite(flow).any():
             continue
-        name = {"hose_pressure": "hose_flow", "rod_pressure": "rod_flow"}[channel]
         apart = [v for other in others if np.isfinite(v := np.nanmean((other[name] - flow) ** 2))]
         left = math.hypot(math.sqrt(float(np.quantile(apart or np.nanmean(flow**2), MOST))), noise)
         driven = f"currents, motion, {channel.replace('_', ' ')}"

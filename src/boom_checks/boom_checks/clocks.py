@@ -49,9 +49,7 @@ def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
         running, gained = drift(begun, boom, names, relation, late.value)
         if gained > max(odds, -PRIOR):
             measure, odds = running, gained
-            way = "fast" if measure.value > 0.0 else "slow"
-            over = 0.01 * abs(measure.value) * float(series.time[-1])
-            said = f"the stamps run {way} against those of /joint_states, by {over:.2f} s over the recording"
+            said = _runs(measure, "/joint_states", float(series.time[-1]))
         else:
             way = "late" if measure.value > 0.0 else "early"
             said = f"the stamps are {way} against those of /joint_states by {abs(measure.value):.2f} s"
@@ -59,7 +57,7 @@ def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
             topics = ", ".join(dict.fromkeys(BY_NAME[name].topic for name in names))
             found.append(
                 RecordingCheck(
-                    "clock", topics, ((0.0, float(series.time[-1])),), f"{said} ({measure.text}): the clocks differ", measure,
+                    "clock", topics, ((0.0, float(series.time[-1])),), _differ(said, measure), measure,
                     odds + PRIOR,
                 )
             )  # fmt: skip
@@ -74,11 +72,18 @@ def _one_clock(found: list[RecordingCheck]) -> list[RecordingCheck]:
     surest = max(found, key=lambda check: check.log_odds)
     other = surest.measure
     measure = replace(other, value=-other.value, interval_90=(-other.interval_90[1], -other.interval_90[0]))
-    way, length = "fast" if measure.value > 0.0 else "slow", surest.intervals_s[0][1]
-    over = 0.01 * abs(measure.value) * length
-    said = f"the stamps run {way} against those of pressures and currents, by {over:.2f} s over the recording"
-    sentence = f"{said} ({measure.text}): the clocks differ"
-    return [replace(surest, topic="/joint_states", sentence=sentence, measure=measure)]
+    said = _differ(_runs(measure, "pressures and currents", surest.intervals_s[0][1]), measure)
+    return [replace(surest, topic="/joint_states", sentence=said, measure=measure)]
+
+
+def _runs(drift: IntervalValue, against: str, length: float) -> str:
+    """That stamps drift [%] against others over a recording of this length [s]."""
+    way, over = "fast" if drift.value > 0.0 else "slow", 0.01 * abs(drift.value) * length
+    return f"the stamps run {way} against those of {against}, by {over:.2f} s over the recording"
+
+
+def _differ(said: str, measure: IntervalValue) -> str:
+    return f"{said} ({measure.text}): the clocks differ"
 
 
 def drift(
