@@ -126,7 +126,7 @@ class RecordingChain:
         """Which link breaks."""
         spoilt = [check for check in self.checks if check.spoils]
         if spoilt:
-            return f"the recording first: {spoilt[0].sentence}"
+            return f"the recording first: {spoilt[0].topic}: {spoilt[0].sentence}"
         if not self.links:
             return (
                 "the hydraulics at the cylinder alone" if self.valve else f"no link can be driven: {self.missing[0][1]}"

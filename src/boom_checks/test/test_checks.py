@@ -8,6 +8,7 @@ import pytest
 from recording_faults import FAULTS, changed, late, slipped
 
 from boom_checks import commands
+from boom_checks.chain import chain_of_machine
 from boom_checks.check import RecordingCheck
 from boom_checks.clocks import CHANGING, clock_checks, offset
 from boom_checks.clocks import CURRENTS as CLOCK_CURRENTS
@@ -163,6 +164,15 @@ def test_a_clock_that_runs_away_is_told_with_its_drift(percent: float, names: tu
     low, high = found[0].measure.interval_90
     assert low <= percent <= high and high - low < 0.3
     assert f"the stamps run {'fast' if percent > 0 else 'slow'}" in found[0].sentence
+
+
+def test_pressures_and_currents_that_drift_alike_have_the_clock_of_the_joint_states_run_away() -> None:
+    recording = running(load(BAGS / "healthy" / "extended"), 0.8, *CLOCK_PRESSURES, *CLOCK_CURRENTS)
+    (found,) = (check for check in spoiling(recording) if check.kind == "clock")
+    low, high = found.measure.interval_90
+    assert found.topic == "/joint_states"
+    assert low <= -0.8 <= high and "the stamps run slow against those of pressures and currents" in found.sentence
+    assert chain_of_machine(recording, TZ17).sentence.startswith("the recording first: /joint_states: the stamps")
 
 
 def test_of_a_long_recording_the_beginning_tells_by_how_much_a_clock_runs_away() -> None:
