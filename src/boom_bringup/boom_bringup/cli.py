@@ -269,8 +269,9 @@ def _told_stopped() -> int:
 def _of_the_system(error: OSError) -> str:
     if error.filename:
         return f"{error.filename}: {error.strerror}"
-    full = error.errno in (errno.ENOSPC, errno.EDQUOT)
-    said = ": what was to be written last, a file or this output, is cut: free some space and repeat"
+    free = "raise the limit (ulimit -f)" if error.errno == errno.EFBIG else "free some space"
+    said = f": what was to be written last, a file or this output, is cut: {free} and repeat"
+    full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
     return f"{error.strerror}{said if full else ''}"
 
 

@@ -1,3 +1,4 @@
+import errno
 import importlib.util
 import os
 import re
@@ -82,6 +83,11 @@ def test_an_error_with_an_exit_status_becomes_one_line(monkeypatch, capsys):
     ("error", "line"),
     [
         (OSError(28, "No space left on device", "out.json"), "boom: out.json: No space left on device\n"),
+        (
+            OSError(errno.EFBIG, "File too large"),
+            "boom: File too large: what was to be written last, a file or this output, is cut: "
+            "raise the limit (ulimit -f) and repeat\n",
+        ),
         (MemoryError(), "boom: not enough memory: give a shorter recording or duration\n"),
     ],
 )

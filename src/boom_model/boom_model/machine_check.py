@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from itertools import pairwise
-from math import isfinite
+from math import isfinite, pi
 from typing import Any, cast
 
 from boom_model import rigid_body, sensors
@@ -19,6 +19,8 @@ from boom_model.specification import Specification, number
 from boom_model.structure import SLOTS, Structure
 from boom_model.tolerance import TOLERANCES, check_tolerance
 
+TURN = 2.0 * pi
+"""Largest angle of the outer boom [rad]: beyond a turn it is in degrees."""
 LEAST_RANGE = 0.02
 """rad. Of the boom's angles; recordings that move less are not fitted."""
 
@@ -280,6 +282,8 @@ def _tabulated(section: Mapping[str, Any]) -> tuple[Pose, ...]:
             if not abs(number(entry[key])) <= LARGEST:
                 raise MachineError(f"rigid_body.configs.{name}.{key}: {entry[key]!r} is not a number up to {LARGEST:g}")
         q3, q4, D0, Sx, Sy = (number(entry[key]) for key in ("q3", "q4", "D0", "Sx", "Sy"))
+        if not abs(q3) <= TURN:
+            raise MachineError(f"rigid_body.configs.{name}.q3: {q3:g} rad is more than a turn: is it in degrees?")
         if not D0 > 0:
             raise MachineError(f"rigid_body.configs.{name}.D0: {D0:g} is not a positive inertia [kg m^2]")
         tip = entry.get("tip")
@@ -299,8 +303,10 @@ def _check_links(machine: Machine) -> None:
         limits = rigid_body.vector(
             rigid_body.entry(body["joint_limits"], "rigid_body.joint_limits", "q3"), "rigid_body.joint_limits.q3", 2
         )
-        if not limits[0] < limits[1]:
-            raise MachineError(f"rigid_body.joint_limits.q3: {limits[0]:g} .. {limits[1]:g} rad is no range")
+        if not (limits[0] < limits[1] and max(map(abs, limits)) <= TURN):
+            raise MachineError(
+                f"rigid_body.joint_limits.q3: {limits[0]:g} .. {limits[1]:g} rad is no range within a turn: is it in degrees?"
+            )
         middle = float(limits.mean())
     if "planar" in body:
         rigid_body.check_pose(body, middle, 0.0)
