@@ -6,10 +6,12 @@ import itertools
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from boom_controller.node.messages import points_of
 from boom_controller.references.joint_trajectory import (
+    LOOK_AHEAD,
     MOST_POINTS,
     SETTLING,
     Bounds,
@@ -145,3 +147,32 @@ def test_the_largest_trajectory_is_checked_at_every_piece() -> None:
     slow[700] = TrajectoryPoint(slow[700].time, slow[700].angle + 0.05, 5e-3, 0.0)
     with pytest.raises(TrajectoryError, match=r"at 1[34]\."):
         planned(*slow, end)
+
+
+def crept(count: int, seconds: float, step: float) -> JointTrajectory:
+    """Points every ``seconds``, ``step`` [rad] apart, each at rest: a planner that fills what it does not know with zeros."""
+    points = [TrajectoryPoint(seconds * (k + 1), 0.3 + step * (k + 1), 0.0, 0.0) for k in range(count)]
+    return planned(TrajectoryPoint(0.0, 0.3, 0.0, 0.0), *points)
+
+
+@pytest.mark.parametrize(("seconds", "step"), [(0.01, 1e-5), (0.01, 1e-3), (0.02, 1e-5), (0.05, 1e-3)])
+def test_points_closer_than_a_law_looks_ahead_ask_for_no_more_than_their_path(seconds: float, step: float) -> None:
+    path = crept(200, seconds, step)
+    for t in np.linspace(0.0, 150 * seconds, 401):
+        ahead = path.at(t).ahead(LOOK_AHEAD)
+        assert ahead.angle == pytest.approx(path.at(t + LOOK_AHEAD).angle, abs=1e-12)
+        for look in (0.035, 0.06):
+            assert abs(path.at(t).ahead(look).rate) < 2.0 * step / seconds  # a quintic's own is 1.9
+
+
+def test_a_smooth_path_in_points_every_10_ms_keeps_its_derivatives_though_they_are_rounded() -> None:
+    w, size = 2 * math.pi * 0.3, 0.1
+    t = 0.01 * np.arange(400)
+    angle, rate, acceleration = 0.3 + size * np.cos(w * t), -size * w * np.sin(w * t), -size * w**2 * np.cos(w * t)
+    rate[-1] = acceleration[-1] = 0.0
+    points = [TrajectoryPoint(*map(float, p)) for p in zip(t, angle.round(5), rate.round(4), acceleration, strict=True)]
+    path = planned(*points, measured=0.4)
+    for k in np.linspace(0.5, 3.5, 301):
+        ahead = path.at(k).ahead(0.06)
+        assert ahead.angle == pytest.approx(0.3 + size * math.cos(w * (k + 0.06)), abs=2e-5)
+        assert ahead.rate == pytest.approx(-size * w * math.sin(w * (k + 0.06)), abs=3e-3)

@@ -284,18 +284,20 @@ def _taken_in_turn(case: Case, alone: Alone) -> bool:
 def _restarted(case: Case) -> bool:
     """The first effect, or the best that was not taken, from another start, where the likeliest observer finds a better valley.
 
-    Whether it is taken from there.
+    Whether it is taken from there. What was taken stays where that leaves more unexplained: a loose observer is blind to it.
     """
     tried = case.taken[:1] or sorted((*case.weighed[0], *case.disproved), key=lambda w: -w.gain)[:1]
-    if not tried or case.rest(case.last) <= NEGLIGIBLE:
+    left = case.rest(case.last)
+    if not tried or left <= NEGLIGIBLE:
         return False
     found = other_valley(case, tried[0].fitted)
     if found is None:
         return False
     before = case.kept_back()
     taken = taken_anew(case, Alone((tried[0].fitted.effect,), *found))
-    if not taken:
+    if not taken or (before.taken and case.rest(case.last) > left + NEGLIGIBLE):
         case.go_back(before)
+        return False
     return taken
 
 

@@ -23,6 +23,8 @@ SETTLING = 1.2
 """s. The generator's four poles at -10 1/s have come within 0.3 % of a straight line's end by then."""
 MOST_POINTS = 1000
 """More points would delay the cycles while they are read and checked, some 10 us per point."""
+LOOK_AHEAD = 0.1
+"""s. As far as the laws extend a reference by its derivatives, which of shorter pieces say nothing about the path that far on."""
 _SAMPLES = 25
 _REST_RATE = 1e-3
 
@@ -80,13 +82,25 @@ class JointTrajectory:
     def __init__(self, times: Sequence[float], pieces: Sequence[Polynomial], goal: float, smoothed: bool) -> None:
         self._begins = tuple(times[:-1])
         self._pieces = tuple(pieces)
+        self._short = tuple(not smoothed and b - a < LOOK_AHEAD for a, b in pairwise(times))
         self._planned = times[-1]
         self.goal = goal
         self.smoothed = smoothed
         self.duration = self._planned + (SETTLING if smoothed else 0.0)
 
     def at(self, time: float) -> Reference:
-        """The reference at `time` [s] since the start: before it the first point, after the end the last one, at rest."""
+        """The reference at `time` [s] since the start: before it the first point, after the end the last one, at rest.
+
+        In a piece shorter than ``LOOK_AHEAD`` acceleration and jerk are those of the cubic that is on the path, with its rate, now
+        and ``LOOK_AHEAD`` later: the piece's own jerk grows with the rounding of a point by T^-3.
+        """
+        k = bisect_right(self._begins, time) - 1
+        if k < 0 or time >= self._planned or not self._short[k]:
+            return self._on_path(time)
+        here, then = self._on_path(time), self._on_path(time + LOOK_AHEAD)
+        return cubic((here.angle, here.rate), (then.angle, then.rate), LOOK_AHEAD).at(0.0)
+
+    def _on_path(self, time: float) -> Reference:
         if time >= self._planned:
             return Reference(self.goal, 0.0, 0.0, 0.0)
         if time < 0.0:
