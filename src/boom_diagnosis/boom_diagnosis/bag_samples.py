@@ -60,7 +60,7 @@ def at_stamps(signal: Signal, late: float | Array) -> Array:
     The slope keeps the samples' noise; what lies between samples has less of it, and would be likelier half a sample off.
     """
     time, values = signal.time[signal.valid], signal.values[signal.valid]
-    if not np.any(late):
+    if not (len(values) and np.any(late)):
         return values
     apart = max(SLOPE, float(np.median(np.diff(time))) if len(time) > 1 else SLOPE)
     before, after = (np.interp(time + side * apart, time, values) for side in (-1.0, 1.0))

@@ -109,6 +109,9 @@ def test_a_channel_that_is_late_is_read_at_its_stamps() -> None:
     inside = slice(2, -2)
     assert at_stamps(late, 0.004)[inside] == pytest.approx(np.sin(3.0 * time)[inside], abs=1e-4)
     assert at_stamps(late, 0.0) == pytest.approx(late.values)
+    assert (
+        len(at_stamps(replace(late, valid=np.zeros(len(time), dtype=bool)), 0.004)) == 0
+    )  # a sensor that is not there
 
 
 def clocked(recording: Recording, **late: float) -> Recording:

@@ -8,6 +8,7 @@ The prior is a guess with stationary pilot stage, spool and accumulators, with i
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,8 +86,18 @@ def means_at_rest(recording: Recording, start: float, end: float) -> dict[str, f
     there = {name for name in OUTPUTS if recording.signals[name].valid.any()}
     if "angle" not in there or not all(np.isfinite(means[name]) for name in there):
         return None
-    rate = means["rate"] if "rate" in there else _drift(recording, start, end)
-    return means if abs(rate) < RESTING_RATE else None
+    if "rate" in there:
+        moving = _beyond_noise(_samples(recording, "rate", start, end)[1])
+    else:
+        angle = _samples(recording, "angle", start, end)[1] - means["angle"]
+        moving = max(abs(_drift(recording, start, end)), _beyond_noise(angle) / DRIFT_WINDOW)
+    return means if moving < RESTING_RATE else None
+
+
+def _beyond_noise(values: Array) -> float:
+    """Root mean square of samples without what differs from one to the next: a boom that swings about a mean of 0 does not rest."""
+    noise = float(np.mean(np.diff(values) ** 2)) / 2.0 if len(values) > 1 else 0.0
+    return sqrt(max(float(np.mean(values**2)) - noise, 0.0))
 
 
 def _drift(recording: Recording, start: float, end: float) -> float:

@@ -12,7 +12,7 @@ from diagnosis_samples import FOLDED, constant, joystick, simulated, tz17, valid
 from boom_estimation import free_run
 from boom_estimation.currents import HeldCurrents, held_currents
 from boom_estimation.free_run import metrics, plant_for
-from boom_estimation.initial_state import InitialState, initial_state
+from boom_estimation.initial_state import InitialState, initial_state, means_at_rest
 from boom_estimation.runs import free_stretches
 from boom_identification.validation import from_bag, noise_limits, validate
 from boom_model.errors import SimulationError
@@ -306,6 +306,22 @@ def test_currents_further_apart_than_50_ms_are_two_stretches():
     assert held.stretches(0.15) == [(0.0, 0.06), (0.12, pytest.approx(0.15))]
     assert held.stretches(9.0)[1] == (0.12, pytest.approx(0.18))
     assert HeldCurrents(np.empty(0), np.empty((0, 2))).stretches(1.0) == []
+
+
+@pytest.mark.parametrize("without", [(), ("rate",)])
+def test_a_boom_that_swings_about_a_place_does_not_rest(without):
+    time = np.arange(200) * 0.01
+    swing = 6e-3 * np.sin(2 * np.pi * 2.0 * time)
+    recording = constant(angle=0.4, hose_pressure=6e6, rod_pressure=1e6)
+    angle, rate = recording.signals["angle"], recording.signals["rate"]
+    moved = {
+        "angle": dataclasses.replace(angle, values=0.4 + np.interp(angle.time, time, swing)),
+        "rate": dataclasses.replace(rate, values=np.gradient(np.interp(rate.time, time, swing), rate.time)),
+    }
+    absent = {name: dataclasses.replace(rate, valid=np.zeros(len(rate.time), dtype=bool)) for name in without}
+    swinging = dataclasses.replace(recording, signals={**recording.signals, **moved, **absent})
+    assert means_at_rest(recording, 0.0, 0.95) is not None
+    assert means_at_rest(swinging, 0.0, 0.95) is None
 
 
 def test_the_initial_state_of_a_resting_boom_is_the_mean_of_what_was_measured():

@@ -6,8 +6,10 @@ import ctypes
 import os
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
+from select import select
+from threading import Thread
 
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None, use_errno=True)
@@ -23,6 +25,23 @@ def die_with_parent(parent: int) -> Callable[[], None]:
             os._exit(1)
 
     return run
+
+
+def end_with(process: int) -> None:
+    """For a pool's ``initializer``: this process ends when ``process`` does, however it ends.
+
+    A worker of multiprocessing holds the pipes open by which it, and the server that forked it, would see that.
+    """
+
+    def wait() -> None:
+        with suppress(ProcessLookupError):  # it has gone already
+            try:
+                select([os.pidfd_open(process)], [], [])
+            except (AttributeError, PermissionError):  # not on this system
+                return
+        os._exit(1)
+
+    Thread(target=wait, name="end_with", daemon=True).start()
 
 
 @contextmanager

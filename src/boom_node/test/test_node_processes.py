@@ -1,6 +1,7 @@
 """A node as a process: a clean end on a signal at any moment, one line and exit status 2 for a wrong parameter."""
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -240,3 +241,29 @@ def test_a_parameter_file_with_the_nodes_name_is_used_and_checked(tiny, tmp_path
     status, errors = tiny("--params-file", "p.yaml").end()
     assert status == 2
     assert "did you mean 'rate'?" in errors
+
+
+POOL = """
+import multiprocessing, os, sys, time
+from concurrent.futures import ProcessPoolExecutor
+from boom_node.children import end_with
+
+if __name__ == "__main__":
+    context = multiprocessing.get_context("forkserver")
+    pool = ProcessPoolExecutor(1, mp_context=context, initializer=end_with, initargs=(os.getpid(),))
+    print(pool.submit(os.getpid).result(), flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_workers_of_a_pool_end_with_a_program_that_is_killed(tmp_path: Path) -> None:
+    (tmp_path / "pool.py").write_text(POOL)
+    with subprocess.Popen(
+        [sys.executable, str(tmp_path / "pool.py")], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as program:
+        assert program.stdout is not None
+        worker = os.pidfd_open(int(program.stdout.readline()))
+        program.kill()
+        assert select.select([worker], [], [], 20.0)[0]
+        assert program.stdout.read() == ""  # nothing holds the pipe open any more
+    os.close(worker)

@@ -23,6 +23,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
 from boom_bringup.cli import UsageError
@@ -222,9 +223,11 @@ def _stopped_by_term() -> Iterator[None]:
     """SIGTERM and SIGHUP act like Ctrl-C: they also stop the workers. One that a library caught counts in the end."""
     asked = False
 
-    def stop(*_: object) -> NoReturn:
+    def stop(number: int, frame: FrameType | None) -> NoReturn:
         nonlocal asked
         asked = True
+        if callable(handler := before[signal.Signals(number)]):
+            handler(number, frame)  # remembers the signal for the exit status
         raise KeyboardInterrupt
 
     before = {number: signal.signal(number, stop) for number in ending_signals()}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import multiprocessing
+import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -28,7 +29,7 @@ from boom_model.cores import usable_cores
 from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
-from boom_node.children import without_ctrl_c
+from boom_node.children import end_with, without_ctrl_c
 from boom_report.tracking.position_error import errors, piston_positions
 from boom_trials.robustness.crane import Grasp, History, TrialCrane, carried_out, start_state
 from boom_trials.robustness.oscillation import Oscillation, oscillation_of
@@ -140,7 +141,7 @@ def carry_out(
         return results
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([__name__])  # imported once for all workers
-    pool = ProcessPoolExecutor(count, mp_context=context)
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=end_with, initargs=(os.getpid(),))
     try:
         with without_ctrl_c():
             coming = pool.map(carry_out_one, jobs, chunksize=1)
