@@ -191,8 +191,9 @@ def _of_column(column: RawColumn, unit: str, columns: list[RawColumn]) -> Axis:
         if not unit and stated.measure is not None and stated.measure.dimension == units.TIME:  # "[10 us]"
             column = replace(column, values=column.values * stated.scale, unit=stated.measure.name)
         seconds, dated, what = _seconds(column.values[rows], unit or _unit(column))
-        found = Axis(_stamps(seconds), dated, f"column '{column.key}' in {what}", column.key, rows)
-    return _in_order(_spread(found, columns), len(column.values) - len(rows))
+        found = Axis(stamps_of(seconds), dated, f"column '{column.key}' in {what}", column.key, rows)
+    placed = in_order(found, columns, len(column.values) - len(rows))
+    return replace(placed, notes=(*placed.notes, *_gaps(placed.stamps_ns)))
 
 
 def _spread(found: Axis, columns: list[RawColumn]) -> Axis:
@@ -228,12 +229,18 @@ def _changes(columns: list[RawColumn], rows: NDArray[np.intp], same: NDArray[np.
     return False
 
 
-def _in_order(found: Axis, lost: int) -> Axis:
-    """The rows sorted by their times where that is safe, with notes on it, on rows without a time and on gaps.
+def in_order(found: Axis, columns: list[RawColumn], lost: int) -> Axis:
+    """The rows sorted by their times where that is safe, with notes on it and on rows without a time.
+
+    Args:
+        found: as the rows stand in the file.
+        columns: of the table.
+        lost: rows without a time.
 
     Raises:
         ImportingError: the times go back in a way that may have several reasons.
     """
+    found = _spread(found, columns)
     rows, stamps, notes = found.rows, found.stamps_ns, [*found.notes]
     if lost:
         notes.append(f"rows without a time are left out: {lost}")
@@ -250,7 +257,7 @@ def _in_order(found: Axis, lost: int) -> Axis:
                 f"rows up to {late:.3g} s older than the one above were put in their place: {(steps < 0).sum()}"
             )
         rows, stamps = rows[order], stamps[order]
-    return replace(found, rows=rows, stamps_ns=stamps, notes=(*notes, *_gaps(stamps)))
+    return replace(found, rows=rows, stamps_ns=stamps, notes=tuple(notes))
 
 
 def _goes_back(found: Axis, steps: Stamps) -> str:
@@ -310,13 +317,13 @@ def _of_clock(column: RawColumn, rows: NDArray[np.intp], columns: list[RawColumn
         )
         if day is not None and np.all(np.nan_to_num(day.values) % 86_400.0 == 0.0):
             return Axis(
-                _stamps(seconds + np.nanmin(day.values)),
+                stamps_of(seconds + np.nanmin(day.values)),
                 True,
                 f"columns '{day.key}' and '{column.key}'",
                 column.key,
                 rows,
             )
-    return Axis(_stamps(seconds), column.clock == "date", said, column.key, rows)
+    return Axis(stamps_of(seconds), column.clock == "date", said, column.key, rows)
 
 
 def _unit(column: RawColumn) -> str:
@@ -371,8 +378,8 @@ def _seconds(values: Floats, unit: str) -> tuple[Floats, bool, str]:
     return values * factor, dated, unit + (" since 1970" if dated else "")
 
 
-def _stamps(seconds: Floats) -> NDArray[np.int64]:
-    """[ns]; a double of seconds since 1970 resolves 0.2 us, which is enough."""
+def stamps_of(seconds: Floats) -> NDArray[np.int64]:
+    """[ns]; a double of seconds since 1970 resolves 0.2 us, which is enough. Raises ImportingError for times beyond 2096."""
     whole = np.nan_to_num(np.floor(seconds), nan=-1.0)
     fraction = np.nan_to_num(seconds - whole)
     if np.abs(whole).max(initial=0.0) > 4e9:

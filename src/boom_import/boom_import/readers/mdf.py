@@ -14,6 +14,7 @@ from asammdf import MDF
 
 from boom_import.errors import ImportingError
 from boom_import.source import Column, Source, column, unique
+from boom_import.timing import Axis, RawColumn, in_order, stamps_of
 from boom_input.files import opened
 from boom_input.shown import quoted
 
@@ -39,10 +40,11 @@ def read(path: Path, progress: Callable[[float], None]) -> Source:
     """The channels of an MDF file that are numbers, each with the time of its group.
 
     Raises:
-        ImportingError: no such channels.
+        ImportingError: no such channels, or times that go back or do not rise.
     """
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     columns: list[Column] = []
+    notes: dict[str, None] = {}
     taken: set[str] = set()
     with opened(path) as content, _opened(content) as file:
         begin = file.header.start_time.timestamp()
@@ -59,12 +61,30 @@ def read(path: Path, progress: Callable[[float], None]) -> Source:
                     continue
                 key = unique(f"{label}/{channel.name}" if label else channel.name, taken)
                 words = " ".join(part for part in (label, channel.name, signal.comment or "") if part)[:200]
-                stamps = zero + np.rint(np.asarray(signal.timestamps, float) * 1e9).astype(np.int64)
-                made = column(key, words, signal.unit or "", stamps, np.asarray(signal.samples, np.float64))
+                axis = _axis(key, signal, zero, notes)
+                values = np.asarray(signal.samples, np.float64)[axis.rows]
+                made = column(key, words, signal.unit or "", axis.stamps_ns, values)
                 columns += [made] if made else []
             progress((index + 1) / len(file.groups))
     if not columns:
         raise ImportingError("it holds no channels of numbers with a time")
-    return Source(
-        path, "MDF", columns, dated, "each group's time channel" + (" and the file's start time" if dated else "")
-    )
+    said = "each group's time channel" + (" and the file's start time" if dated else "")
+    return Source(path, "MDF", columns, dated, said, list(notes))
+
+
+def _axis(key: str, signal: Any, zero: int, notes: dict[str, None]) -> Axis:
+    """When the samples of a channel were taken, as the times of a table are read; what was done to them is a note.
+
+    Raises:
+        ImportingError: the times go back or do not rise.
+    """
+    time, values = np.asarray(signal.timestamps, np.float64), np.asarray(signal.samples, np.float64)
+    rows = np.flatnonzero(np.isfinite(time))
+    stamps = zero + stamps_of(time[rows])
+    if len(rows) > 2 and np.ptp(stamps) == 0:
+        raise ImportingError(
+            f"all {len(rows)} samples of '{quoted(key, 60)}' have the same time: export the file again"
+        )
+    found = in_order(Axis(stamps, zero != 0, "", key, rows), [RawColumn(key, key, "", values)], len(time) - len(rows))
+    notes |= dict.fromkeys(found.notes)
+    return found
