@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any, Literal
 
 from boom_model.catalogue import EFFECTS, active_effects
@@ -254,6 +254,12 @@ def check_range(spec: Specification, value: tuple[float, ...], shown: object = N
             if isinstance(shown, bool):
                 raise MachineError(
                     f"{spec.key}: {str(shown).lower()} is no number: write one of {spec.minimum:g} .. {spec.maximum:g}"
+                )
+            if isnan(number) and shown is None:
+                raise MachineError(
+                    f"{spec.key}: there is no number: write one of {spec.minimum:g} .. {spec.maximum:g} {spec.unit}".removesuffix(
+                        " -"
+                    )
                 )
             text = number if shown is None or isfinite(number) else shown
             raise MachineError(

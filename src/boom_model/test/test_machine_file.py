@@ -63,7 +63,10 @@ CASES: dict[str, tuple[Spoil, str]] = {
     ),
     "too_large": (put("fluid.rho.value", 8700.0), r"fluid\.rho: 8700.0 is outside 600 \.\. 1200 kg/m\^3"),
     "negative": (put("cylinder.A_a.value", -1e-2), r"cylinder\.A_a: -0\.01 is outside 1e-05 \.\. 1 m\^2"),
-    "nan": (put("cylinder.l_p.value", float("nan")), r"cylinder\.l_p: nan is outside 0\.01 \.\. 10 m"),
+    "nan": (
+        put("cylinder.l_p.value", float("nan")),
+        r"cylinder\.l_p: nan is outside 0\.01 \.\. 10 m",
+    ),
     "infinite": (put("friction.tau_C_pos.value", float("inf")), r"friction\.tau_C_pos: inf is outside"),
     "text_for_number": (
         put("fluid.rho.value", "heavy"),
@@ -75,7 +78,10 @@ CASES: dict[str, tuple[Spoil, str]] = {
         "control: expected keys with values below it, or leave the section out$",
     ),
     "empty_section": (put("fluid", None), "fluid: expected keys with values below it$"),
-    "none_for_number": (put("fluid.rho.value", None), r"fluid\.rho: nan is outside 600 \.\. 1200"),
+    "none_for_number": (
+        put("fluid.rho.value", None),
+        r"fluid\.rho: there is no number: write one of 600 \.\. 1200 kg/m\^3",
+    ),
     "truth_for_number": (put("fluid.rho.value", True), r"fluid\.rho: true is no number: write one of 600 \.\. 1200"),
     "list_for_number": (put("fluid.rho.value", [870.0]), r"fluid\.rho: \[870\.0\] is outside 600 \.\. 1200"),
     "number_for_list": (put("kinematics.att.value", 0.4), r"kinematics\.att: expected a list of 2 numbers \[m\]"),
