@@ -38,10 +38,13 @@ def joystick(time: np.ndarray) -> np.ndarray:
     return currents
 
 
-def simulated(duration: float, currents: np.ndarray, *, angle: float = 0.4, name: str = "made") -> Recording:
+def simulated(
+    duration: float, currents: np.ndarray, *, angle: float = 0.4, name: str = "made", machine: Machine | None = None
+) -> Recording:
     """A recording that the full model made, without noise: sampled at the stamps of the currents."""
     time = np.arange(round(duration / PERIOD)) * PERIOD
-    plant = Plant(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0), "full")
+    machine = machine or tz17()
+    plant = Plant(machine, machine.pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0), "full")
     run = plant.run(time, currents, time, plant.equilibrium(angle), tolerance=1e-6)
     columns = {key: run.output(key) for key in ("angle", "rate", "hose_pressure", "rod_pressure")}
     columns |= {"retract_current": currents[:, 0], "extend_current": currents[:, 1]}

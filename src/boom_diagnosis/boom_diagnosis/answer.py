@@ -30,7 +30,7 @@ from boom_diagnosis.fitting import Point, rho
 from boom_diagnosis.freerun import Errors, median
 from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
-from boom_diagnosis.locating import links, locate
+from boom_diagnosis.locating import BETWEEN, links, locate, places
 from boom_diagnosis.must_keep import (
     as_far_by_chance,
     by_free_runs,
@@ -157,7 +157,9 @@ def assemble(
                 case.machine, case.bags, case.select, case.nuisances, case.last.z, case.last.effects, case.healthy
             )
         order = sorted(rest_equations, key=lambda e: -e.statistical)
-        learned = learn(case.setting, case.trained[-1], [e.key for e in order[:LEARNT_IN]])
+        if order[0].key != BETWEEN.key:
+            told = [e.key for e in order if e.key != BETWEEN.key]
+            learned = learn(case.setting, case.trained[-1], told[:LEARNT_IN])
     proof = proof_of(case, verdict, learned, spans, done, floors if verdict != "no_mismatch" else ())
     learned, fit = proof.learned, proof.fit
     if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
@@ -397,7 +399,7 @@ def _unknown_finding(
     key, home = _home(case, equations)
     if learned:
         key, home = learned.term.equation, _touched(case.machine, learned.term)
-    link = next(link for link in links(case.machine) if link.key == key)
+    link = next(link for link in places(case.machine) if link.key == key)
     rest = [beyond(w, s, case.healthy_squares) for w, s in zip(tight.explained, case.select, strict=True)]
     place = regimes.where(cells, rest)
     near = _near(case)

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import PERIOD, Bag
 from boom_diagnosis.coordinates import Coordinate, coordinates, starts
+from boom_diagnosis.disturbances import noise_model
 from boom_diagnosis.nuisances import GEOMETRY, Nuisance, closed, tolerances
-from boom_diagnosis.prediction import CURRENT_NOISE, NUDGED_TOLERANCE, TOLERANCE, noise_model
+from boom_diagnosis.prediction import CURRENT_NOISE, NUDGED_TOLERANCE, TOLERANCE
 from boom_estimation.currents import driven
 from boom_estimation.free_run import plant_for
 from boom_estimation.numbers import Number

@@ -309,7 +309,7 @@ class EquationEvidence:
     """How much an equation is in doubt, in two independent ways; both are shares that sum to one over the equations.
 
     Attributes:
-        key: torque, head_flow, hose_flow, rod_flow, spool, sensors.
+        key: torque, head_flow, hose_flow, rod_flow, spool, piston, sensors.
         equation: number in the thesis. subsystems: those whose effects act there.
         statistical: share of the likelihood gained by an unknown input there.
         chain: share of the mismatch that appears at this link when it is driven by measured signals.

@@ -21,10 +21,11 @@ from boom_diagnosis.assumptions import NEAR_FLOOR, WORSE
 from boom_diagnosis.bag_samples import PERIOD, Bag
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import Coordinate, all_coordinates
+from boom_diagnosis.disturbances import Values
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.freerun import errors, free_run, noise_floor
 from boom_diagnosis.hypotheses import LOOSENESS, effects_of, problem_at
-from boom_diagnosis.prediction import Predictor, Values
+from boom_diagnosis.prediction import Predictor
 from boom_diagnosis.proof import machine_at, placed, spans_of, worsening, worst_channel
 from boom_diagnosis.weighing import NEGLIGIBLE
 from boom_model.catalogue import EFFECTS

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag, prepare
+from boom_diagnosis.disturbances import Values
 from boom_diagnosis.freerun import COMPARED
 from boom_diagnosis.nuisances import clocks_in
-from boom_diagnosis.prediction import CURRENT_NOISE, Values, carrying
+from boom_diagnosis.prediction import CURRENT_NOISE, carrying
 from boom_estimation.free_run import plant_for
 from boom_input.channels import BY_NAME
 from boom_model.machine import Machine

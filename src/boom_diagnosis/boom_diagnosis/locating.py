@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag
+from boom_diagnosis.disturbances import PISTON, slipping
 from boom_diagnosis.document import EquationEvidence
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.hypotheses import LOOSENESS, problem_at
@@ -48,9 +49,12 @@ LINKS = (
     Link("rod_flow", "flow into the rod side", "5.39d", "rod_pressure", ("main_valve", "cylinder", "supply", "return_line")),
     Link("spool", "command to spool", "5.39n", "spool_position", ("main_valve", "pilot_valves")),
 )  # fmt: skip
+BETWEEN = Link("piston", "motion of the piston to motion of the boom", "5.39d,f", PISTON, ("structure", "cylinder"))
+"""Play or a leak: oil of one side more and of the other less than the boom's motion says, one input for both. No term is learnt
+there."""
 OFFERED = {"accumulators": "accumulators", "hose_burst_valve": "valve_at_the_cylinder", "pilot_valves": "pilot_valves"}
 """Subsystem -> what a machine's structure offers that has it; the others are in every machine."""
-SIZES = (4.0, 25.0)
+SIZES = (4.0, 25.0, 150.0)
 """Unknown inputs that are tried, in units of the disturbance that a healthy machine shows."""
 
 
@@ -68,6 +72,11 @@ def links(machine: Machine) -> tuple[Link, ...]:
     return tuple(joined if link is head else link for link in told if link is not hose)
 
 
+def places(machine: Machine) -> tuple[Link, ...]:
+    """What may be in doubt: the equations, and what lies between two of them."""
+    return (*links(machine), BETWEEN)
+
+
 def locate(
     machine: Machine, bags: Sequence[Bag], select: Sequence[Flags], nuisances: Sequence[Nuisance], z: Array,
     values: Mapping[str, float], healthy: Sequence[Bag], *, doubted: bool = True,
@@ -82,7 +91,7 @@ def locate(
     holds the load the chain cannot be forced: the pressure that carries the boom is not measured.
     """
     base = problem_at(machine, bags, select, nuisances, z, values, 1.0)
-    statistical = {link.key: 0.0 for link in links(machine)}
+    statistical = {link.key: 0.0 for link in places(machine)}
     if doubted:
         statistical, most = _statistical(base, z, values)
         nominal = np.zeros(len(z))
@@ -95,7 +104,7 @@ def locate(
         chain = dict.fromkeys(chain, 0.0)
     rows = tuple(
         EquationEvidence(link.key, link.title, link.equation, link.subsystems, statistical[link.key], chain[link.key])
-        for link in links(machine)
+        for link in places(machine)
     )
     first = max(rows, key=lambda r: r.statistical)
     second = max(rows, key=lambda r: r.chain)
@@ -121,7 +130,7 @@ def _statistical(base: Problem, z: Array, values: Mapping[str, float]) -> tuple[
         link, size = tried
         return base.bearing_with(looseness, {link.state: size}).likelihood_at(z, values) - reference
 
-    own = links(base.predictor.machine)
+    own = places(base.predictor.machine)
     found = in_parallel(raised, [(link, size) for link in own for size in SIZES])
     best = [max(0.0, *found[k : k + len(SIZES)]) for k in range(0, len(found), len(SIZES))]
     return _shares(dict(zip((link.key for link in own), best, strict=True))), reference + max(best)
@@ -143,15 +152,27 @@ def _chain(
     inputs = forced(base.predictor, numbers)
     reference = forced(Predictor(base.predictor.machine, healthy), {})
     equations = links(base.predictor.machine)
-    excess, scaled = {link.key: 0.0 for link in equations}, []
+    plant = base.predictor.base[0]
+    slip = slipping(dict(zip(plant.parameter_names, base.predictor.parameters(0, plant, numbers), strict=True)))
+    excess, scaled = dict.fromkeys((*(link.key for link in equations), BETWEEN.key), 0.0), []
     for own, other in zip(inputs, reference, strict=True):
-        row = {}
-        for link in equations:
-            noise = max(float(np.sqrt(np.mean(other.corrections[link.state] ** 2))), 1e-30)
-            row[link.key] = own.corrections[link.state] / noise
-            excess[link.key] += max(0.0, float(np.mean(row[link.key] ** 2)) - 1.3)
+        noise = {link.state: max(_size(other.corrections[link.state]), 1e-30) for link in equations}
+        row = {link.key: own.corrections[link.state] / noise[link.state] for link in equations}
+        # what both sides' have in common, as one slip of the piston gives them
+        common, still = (
+            np.sum([f.corrections[state] * by / noise[state] ** 2 for state, by in slip.items()], axis=0)
+            for f in (own, other)
+        )
+        row[BETWEEN.key] = common / max(_size(still), 1e-30)
+        for key, given in row.items():
+            excess[key] += max(0.0, float(np.mean(given**2)) - 1.3)
         scaled.append(row)
     return {key: share * breaks(sum(excess.values())) for key, share in _shares(excess).items()}, scaled
+
+
+def _size(values: Array) -> float:
+    """Root mean square."""
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def breaks(excess: float) -> float:

@@ -6,10 +6,9 @@ nearly all hypotheses; effects that bring states are added when a hypothesis ask
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from math import hypot
 from threading import RLock
 
 import numpy as np
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import OTHER_POSE, Bag
 from boom_diagnosis.directions import directions
+from boom_diagnosis.disturbances import Values, noise_model
 from boom_diagnosis.nuisances import CLOCKS, clocks_in
 from boom_estimation.free_run import plant_for
 from boom_input.channels import PREDICTED
@@ -27,7 +27,6 @@ from boom_model.observer import (
     Job,
     KalmanGains,
     Linearised,
-    NoiseModel,
     Observed,
     Samples,
     kalman,
@@ -47,10 +46,6 @@ LARGEST = 50.0
 """Standard deviations. A whitened innovation counts as no more; a run that failed counts as that from there on."""
 CLEARLY = 8.0
 """Standard deviations from which on it does not matter how far an innovation is off, where a mismatch is looked for in time."""
-FLOW_NOISE = 2e-8
-"""m^3/s sqrt(s). White disturbance of each flow. With it the innovations of a healthy machine are white (measured)."""
-TORQUE_NOISE = 6.0
-"""N m sqrt(s)."""
 TOLERANCE = 2e-5
 """Of the integrator. Far from the model derivatives by differences are then good to 0.6 % in the median and 2 % in nine of ten; at
 1e-4, a fifth faster, to 10 % and 50 %, and searches end in the wrong place."""
@@ -59,19 +54,8 @@ NUDGED_TOLERANCE = 1e-3
 90 ms (docs/diagnosis.md, lag_a) is found at 68 instead of 73."""
 CURRENT_NOISE = 0.85e-3
 """A. Noise and quantisation of the measured currents, which drive the model."""
-SPOOL_NOISE = 2e-4
-"""1/s sqrt(s), of the full stroke: white disturbance of the spool where one is allowed."""
-
-UNMEASURED, SHOWN_BY = 3e6, {
-    "head_pressure": "hose_pressure", "hose_pressure": "hose_pressure", "rod_pressure": "rod_pressure",
-}  # fmt: skip
-"""Pa. Standard deviation at the start of a pressure that no channel shows. State -> channel that shows it."""
-
 _BUILDING = RLock()
 """Threads that want the same plant get the same one: passes are joined by what it is, not by what it is like."""
-
-Values = Mapping[str, float]
-"""Component of the parameter vector -> value, where it differs from the machine's."""
 
 
 def carrying(machine: Machine, stateful: Iterable[str] = ()) -> Machine:
@@ -268,47 +252,6 @@ def _at_first(plant: Plant) -> dict[str, float]:
     """Numbers of the plant's effects of which nothing is known yet, for the gains of an observer."""
     rows = ((effect, row) for effect in plant.equations.effects for row in EFFECTS[effect].parameters)
     return {f"effects.{effect}.{row.name}": row.gains for effect, row in rows if row.gains is not None}
-
-
-def noise_model(
-    plant: Plant, machine: Machine, p: Array, looseness: float = 1.0, boost: Mapping[str, float] | None = None,
-    lacking: Container[str] = (),
-) -> NoiseModel:  # fmt: skip
-    """Sensors' noise, and small white disturbances of torque and flows; of ``lacking`` channels little is known at the start."""
-    torque, flow = looseness * TORQUE_NOISE, looseness * FLOW_NOISE
-    sensors = machine.sensor_noise()
-    number = dict(zip(plant.parameter_names, p, strict=True))
-    disturbance = {
-        name: (torque if name == "rate" else flow) / capacity for name, capacity in capacities(number).items()
-    }
-    if boost:
-        spool = SPOOL_NOISE * number.get("main_valve_spool.s_max", 1.0)
-        disturbance = {
-            name: value * boost.get(name, 1.0)
-            for name, value in (disturbance | ({"spool_position": spool} if "spool_position" in boost else {})).items()
-        }
-    initial = {
-        "angle": 1e-3, "rate": 1e-2, "head_pressure": 5e5, "rod_pressure": 1e5, "hose_pressure": 1e5,
-        "accumulator_pressure_1": 5e5, "accumulator_pressure_2": 5e5,
-    }  # fmt: skip
-    initial |= {state: UNMEASURED for state, channel in SHOWN_BY.items() if channel in lacking}
-    angle = max(hypot(sensors.angle_sigma, 0.5 * sensors.angle_quantum), 1e-5)
-    outputs = tuple(angle if sensor.name == "angle" else sensors.deviation(sensor) for sensor in PREDICTED)
-    return NoiseModel(
-        outputs, disturbance, initial,
-        {state.name: state.standstill_noise for state in plant.equations.states if state.standstill_noise},
-    )  # fmt: skip
-
-
-def capacities(number: Values) -> dict[str, float]:
-    """State -> what its derivative times this is: a torque [N m], a flow [m^3/s]; volumes with the piston in the middle."""
-    beta = number["fluid.beta"]
-    return {
-        "rate": number["pose.D0"] + number["pose.load"] * (number["pose.tip.0"] ** 2 + number["pose.tip.1"] ** 2),
-        "hose_pressure": number["cylinder.V_h"] / beta,
-        "head_pressure": 0.5 * number["cylinder.A_a"] * number["cylinder.l_p"] / beta,
-        "rod_pressure": 0.5 * number["cylinder.A_b"] * number["cylinder.l_p"] / beta,
-    }
 
 
 def _nudging(plant: Plant, n: int) -> Array:

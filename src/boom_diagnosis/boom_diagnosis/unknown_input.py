@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import PERIOD
-from boom_diagnosis.prediction import Predictor, Values, capacities
+from boom_diagnosis.disturbances import Values, capacities
+from boom_diagnosis.prediction import Predictor
 from boom_model.learned import PLACES, VARIABLES, evaluate, state_of
 from boom_model.observer import observe
 

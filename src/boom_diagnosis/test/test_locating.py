@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnosis_samples import joystick, simulated, tz17
 
 from boom_diagnosis import locating
+from boom_diagnosis.bag_samples import prepare
+from boom_diagnosis.case import case_of
 from boom_model.machine_file import load_machine
 
 MACHINE = load_machine("tz17")
@@ -34,7 +37,7 @@ def test_an_equation_is_accused_at_the_files_numbers_where_an_unknown_input_make
 
     def chain(_base: Any, z: Any, *_: Any) -> Any:
         broken = "torque" if z.any() else "hose_flow"
-        return {link.key: float(link.key == broken) for link in locating.links(MACHINE)}, []
+        return {link.key: float(link.key == broken) for link in locating.places(MACHINE)}, []
 
     monkeypatch.setattr(locating, "problem_at", problem_at)
     monkeypatch.setattr(locating, "_chain", chain)
@@ -51,16 +54,38 @@ def test_what_is_left_beside_an_effect_is_located_beside_it(monkeypatch: pytest.
 
     def statistical(_base: Any, z: Any, values: Any) -> tuple[dict[str, float], float]:
         asked.append(values)
-        return {link.key: 0.2 for link in locating.links(MACHINE)}, float(-100.0 if z.any() else 0.0)
+        return {link.key: 0.2 for link in locating.places(MACHINE)}, float(-100.0 if z.any() else 0.0)
 
     monkeypatch.setattr(locating, "problem_at", lambda *_: SimpleNamespace())
     monkeypatch.setattr(locating, "_statistical", statistical)
     monkeypatch.setattr(
         locating,
         "_chain",
-        lambda _base, z, values, _healthy: ({link.key: 0.0 for link in locating.links(MACHINE)}, [z]),
+        lambda _base, z, values, _healthy: ({link.key: 0.0 for link in locating.places(MACHINE)}, [z]),
     )
     found = {"effects.rate_scale.a": 1.1}
     assert locating.locate(MACHINE, [], [], [], FITTED, found, [])[2][0] is FITTED
     assert asked == [found]
     assert not np.any(locating.locate(MACHINE, [], [], [], FITTED, {}, [])[2][0])
+
+
+@pytest.mark.parametrize(
+    ("effect", "place"),
+    [
+        ({"piston_leakage": {"c": 2e-11}}, "piston"),
+        ({"stribeck_friction": {"tau_s": 6000.0, "w_s": 0.02}}, "torque"),
+        ({"return_line_pressure": {"k": 3e12}}, "rod_flow"),
+    ],
+)
+def test_what_is_missing_is_located_where_it_acts(effect: dict[str, dict[str, float]], place: str) -> None:
+    """A leak past the piston adds to one side what it takes from the other: neither flow alone is wrong."""
+    time = np.arange(2000) * 0.01
+    machine = tz17()
+    bag, healthy = (
+        prepare(simulated(20.0, joystick(time), machine=m), machine) for m in (machine.with_effects(effect), machine)
+    )
+    case = case_of(machine, [bag], [], 0)
+    at = np.zeros(len(case.nuisances))
+    rows, _, inputs = locating.locate(machine, case.bags, case.select, case.nuisances, at, {}, [healthy])
+    assert max(rows, key=lambda row: row.statistical).key == place
+    assert {row.key for row in rows} == set(inputs[0])

@@ -11,11 +11,11 @@ from test_diagnosis import noisy
 
 from boom_diagnosis import rounds
 from boom_diagnosis.bag_samples import SETTLING, prepare
+from boom_diagnosis.disturbances import capacities
 from boom_diagnosis.fitting import WHITE
 from boom_diagnosis.learning import Learned, Setting, learn_plainly, reading
 from boom_diagnosis.nuisances import tolerances
 from boom_diagnosis.parallel import in_parallel
-from boom_diagnosis.prediction import capacities
 from boom_diagnosis.run import diagnose
 from boom_diagnosis.unknown_input import Forced, regress
 from boom_model.learned import VARIABLES, LearnedTerm

@@ -84,12 +84,14 @@ class NoiseModel:
         disturbance: state name -> intensity of white noise on its derivative [unit/s * sqrt(s)].
         resting: the same, added while the boom stands still, when the state of parts without flow is unknown.
         initial: state name -> uncertainty of the initial state.
+        joined: state name -> intensity, with its sign, of one white noise that acts on the derivatives of several states at once.
     """
 
     outputs: tuple[float, ...]
     disturbance: dict[str, float]
     initial: dict[str, float]
     resting: dict[str, float] = field(default_factory=dict)
+    joined: dict[str, float] = field(default_factory=dict)
 
 
 def observe(
@@ -293,6 +295,9 @@ def kalman(plant: Plant, samples: Samples, along: Linearised, noise: NoiseModel)
     density = np.array([noise.disturbance.get(name, 0.0) ** 2 for name in names])[None, :].repeat(len(step), axis=0)
     density[along.still] += np.array([noise.resting.get(name, 0.0) ** 2 for name in names])
     process = along.drive + middle @ (density[:, :, None] * step[:, None, None] * middle.transpose(0, 2, 1))
+    if noise.joined:
+        together = middle @ np.array([noise.joined.get(name, 0.0) for name in names])
+        process += together[:, :, None] * together[:, None, :] * step[:, None, None]
     variance = np.broadcast_to(np.square(np.array(noise.outputs)), samples.measured.shape)
     covariance = np.diag([noise.initial.get(name, 0.0) ** 2 for name in names])
     valid = np.isfinite(samples.measured)
