@@ -153,7 +153,7 @@ def _chain(
     reference = forced(Predictor(base.predictor.machine, healthy), {})
     equations = links(base.predictor.machine)
     plant = base.predictor.base[0]
-    slip = slipping(dict(zip(plant.parameter_names, base.predictor.parameters(0, plant, numbers), strict=True)))
+    slip = slipping(dict(zip(plant.parameter_names, plant.p, strict=True)) | numbers)
     excess, scaled = dict.fromkeys((*(link.key for link in equations), BETWEEN.key), 0.0), []
     for own, other in zip(inputs, reference, strict=True):
         noise = {link.state: max(_size(other.corrections[link.state]), 1e-30) for link in equations}

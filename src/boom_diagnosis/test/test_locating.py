@@ -89,3 +89,5 @@ def test_what_is_missing_is_located_where_it_acts(effect: dict[str, dict[str, fl
     rows, _, inputs = locating.locate(machine, case.bags, case.select, case.nuisances, at, {}, [healthy])
     assert max(rows, key=lambda row: row.statistical).key == place
     assert {row.key for row in rows} == set(inputs[0])
+    stateful = {"effects.hose_burst_valve_lag.tau": 0.05}
+    assert locating.locate(machine, case.bags, case.select, case.nuisances, at, stateful, [healthy], doubted=False)[2]
