@@ -171,11 +171,23 @@ class Supervisor:
             self._interrupted = signal.Signals(number)
         self._stop_requested.set()
 
+    @staticmethod
+    def _begun_by(parent: int, program: Program) -> Callable[[], None]:
+        """What a new process does first. From a node a Ctrl-C is held back until it handles it: a starting Python shows a traceback."""
+        from boom_node.children import die_with_parent  # here, so that --help needs no other package
+
+        ends, held = die_with_parent(parent), any(word.endswith("_node") for word in program.command)
+
+        def begin() -> None:
+            ends()
+            if held:
+                signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
+        return begin
+
     async def _start(self, program: Program) -> asyncio.Task[None]:
         # Not asyncio's own pipe: its wait() would not return while a grandchild keeps the other end open.
         ours, theirs = os.pipe()
-        from boom_node.children import die_with_parent  # here, so that --help needs no other package
-
         try:
             process = await asyncio.create_subprocess_exec(
                 *program.command,
@@ -185,7 +197,7 @@ class Supervisor:
                 env={**self._environment, **program.environment},
                 # Its own session: a Ctrl-C of the terminal reaches it through us, in order.
                 start_new_session=True,
-                preexec_fn=die_with_parent(os.getpid()),
+                preexec_fn=self._begun_by(os.getpid(), program),
             )
         except OSError as error:
             os.close(ours)
