@@ -173,7 +173,7 @@ class Supervisor:
 
     @staticmethod
     def _begun_by(parent: int, program: Program) -> Callable[[], None]:
-        """What a new process does first. From a node a Ctrl-C is held back until it handles it: a starting Python shows a traceback."""
+        """What a new process does first. A node gets a Ctrl-C once it handles it: a starting Python would show a traceback."""
         from boom_node.children import die_with_parent  # here, so that --help needs no other package
 
         ends, held = die_with_parent(parent), any(word.endswith("_node") for word in program.command)
