@@ -8,7 +8,7 @@ import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
-from select import select
+from select import POLLIN, poll
 from threading import Thread
 
 _PR_SET_PDEATHSIG = 1
@@ -36,7 +36,9 @@ def end_with(process: int) -> None:
     def wait() -> None:
         with suppress(ProcessLookupError):  # it has gone already
             try:
-                select([os.pidfd_open(process)], [], [])
+                gone = poll()
+                gone.register(os.pidfd_open(process), POLLIN)
+                gone.poll()
             except (AttributeError, PermissionError):  # not on this system
                 return
         os._exit(1)
