@@ -176,3 +176,12 @@ def test_a_smooth_path_in_points_every_10_ms_keeps_its_derivatives_though_they_a
         ahead = path.at(k).ahead(0.06)
         assert ahead.angle == pytest.approx(0.3 + size * math.cos(w * (k + 0.06)), abs=2e-5)
         assert ahead.rate == pytest.approx(-size * w * math.sin(w * (k + 0.06)), abs=3e-3)
+
+
+def test_a_boom_beyond_its_bounds_may_be_led_back_and_no_further_out() -> None:
+    outside = BOUNDS.low - 0.01
+    bounds = BOUNDS.from_where(outside)
+    back = TrajectoryPoint(3.0, 0.1, 0.0)
+    assert plan([back], Reference(outside), outside, bounds).goal == 0.1
+    with pytest.raises(TrajectoryError, match="the boom moves between"):
+        plan([TrajectoryPoint(1.0, outside - 0.01, 0.0), back], Reference(outside), outside, bounds)

@@ -67,6 +67,16 @@ def test_no_estimated_load_leaves_a_light_boom_without_inertia(
     assert float(x.load) == pytest.approx(-500.0 if left is None else (left - inertia) / reach)
 
 
+def test_a_configured_load_that_is_not_there_is_found_missing(machine: Machine) -> None:
+    pose = replace(machine.pose(0.28, 2.2), load=1000.0)
+    model = ControlModel(machine, pose)
+    observer = LoadObserver(Modes(machine, pose, model.p), model.p)
+    settings = SimpleNamespace(**vars(S), **observer.gains(S))
+    q = model.at(OperatingPoint(0.4, 0.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0))
+    x = observer.step(observer.start._replace(load=-1e4), q, Measurement(0.0, 0.4, 0.0, 0.0, 0.0), 0.0, settings)
+    assert float(x.load) < -1000.0  # friction may look like less than none
+
+
 @pytest.mark.parametrize("softer", [1.0, 2.5, 5.0])
 def test_the_compliance_of_softer_oil_is_learnt_while_the_pressure_moves(softer: float) -> None:
     x = ChamberState(pressure=1e7)

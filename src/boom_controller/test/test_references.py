@@ -148,3 +148,40 @@ def test_a_trajectory_waits_for_its_start() -> None:
     made.start(plan([TrajectoryPoint(0.0, 0.3, 0.0), TrajectoryPoint(1.0, 0.5, 0.0)], made.present, 0.3, BOUNDS), 0.5)
     assert run(made, 1, 50)[-1].angle == pytest.approx(0.3)
     assert run(made, 50, 160)[-1].angle == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("pole", [-0.5, -2.0, -50.0])
+def test_another_pole_in_motion_makes_no_jump_and_leads_no_further_than_is_wanted(pole: float) -> None:
+    made = references()
+    moving = []
+    for k in range(1, 60):
+        made.stream(0.6)
+        moving.append(made.advance(TS * k))
+    made.change(pole)
+    after = run(made, 60, 2000)
+    assert smooth([*moving, *after])
+    assert max(r.angle for r in after) < 0.6 + 1e-6
+    assert max(abs(r.rate) for r in after) < 0.66
+
+
+@pytest.mark.parametrize("seconds", [0.05, 0.1])
+def test_short_goals_one_after_the_other_lead_where_they_are(seconds: float) -> None:
+    """Each asks for 0.01 rad more, within less than the time in which a change fades."""
+    made = references()
+    angles = [0.3]
+    for k in range(100):
+        now = 0.05 * k
+        path = plan([TrajectoryPoint(seconds, made.present.angle + 0.01, 0.0)], made.onward, made.present.angle, BOUNDS)
+        made.start(path, now)
+        angles += [made.advance(now + TS * i).angle for i in range(1, 6)]
+    assert min(b - a for a, b in itertools.pairwise(angles)) > -1e-3
+    assert angles[-1] > 0.7
+
+
+def test_a_short_quintic_is_followed_without_a_step_back_and_nothing_of_it_is_left_at_rest() -> None:
+    made = references()
+    made.start(plan([TrajectoryPoint(0.09, 0.328, 0.0, 0.0)], made.onward, 0.3, BOUNDS), 0.0)
+    path = run(made, 1, 60)
+    assert min(r.angle for r in path) >= 0.3 and max(r.angle for r in path) < 0.328 + 1e-9
+    made.rest()
+    assert run(made, 60, 120)[-1].angle == pytest.approx(0.328, abs=1e-9)

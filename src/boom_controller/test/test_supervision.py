@@ -8,9 +8,11 @@ from itertools import pairwise
 import pytest
 
 from boom_controller.errors import ControlError
+from boom_controller.references.joint_trajectory import Code
 from boom_controller.supervision.reasons import REASONS, StopCause
 from boom_controller.supervision.state_machine import MotionState, Supervision
 from boom_controller.supervision.supervision_settings import SUPERVISION, SupervisionSettings
+from boom_controller.supervision.tracking_goal import Tolerances, TrackingGoal
 from boom_controller.supervision.watch import MotionWatch
 from boom_controller.types import ControlOutput, Measurement, Reference
 
@@ -211,3 +213,10 @@ def test_every_reason_says_how_to_go_on() -> None:
     for reason in REASONS.values():
         assert reason.cause and reason.remedy
         assert reason.reaction in ("reference", "currents")
+
+
+def test_a_goal_is_not_reached_while_something_of_the_reference_before_is_left() -> None:
+    goal = TrackingGoal(Tolerances(None, 0.005, 1.0), 0.09, 0.328)
+    assert goal.look(0.2, 0.33, 0.328, True) is None
+    ending = goal.look(0.5, 0.328, 0.328)
+    assert ending is not None and ending.code is Code.SUCCESSFUL

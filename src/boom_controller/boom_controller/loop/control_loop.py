@@ -246,8 +246,8 @@ class ControlLoop:
         sensor, limits = self.sensors.joint, self.supervision.settings
         angle = sensor.values[0]
         idle = state is MotionState.IDLE
-        request = Request(points, begin, present=Reference(angle) if idle else self.references.present)
-        bounds = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance)
+        request = Request(points, begin, present=Reference(angle) if idle else self.references.onward)
+        bounds = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance).from_where(angle)
         # a boom in motion goes on from its reference, which is that of the last cycle: a newer sample may wait for the next one
         trajectory, from_now = request.planned(angle, sensor.stamp, sensor.stamp if idle else self._time, bounds)
         self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")
@@ -356,7 +356,7 @@ class ControlLoop:
         self._note = note
 
     def _look_at_goal(self, reference: Reference, measurement: Measurement) -> None:
-        ending = self._goals.look(self.references.elapsed, reference.angle, measurement.angle)
+        ending = self._goals.look((r := self.references).elapsed, reference.angle, measurement.angle, r.changing)
         if ending is not None:  # its text is empty on success
             self._to_hold(ending.text and f"trajectory aborted: {ending.text}; the boom holds its position")
 

@@ -26,9 +26,9 @@ LEAST_EFFECT = 1e-4
 SAFE_POLE = -2.0
 """1/s. Once an oscillation was recognised: far below what bends or swings."""
 LIGHTEST = -500.0
-"""kg. Allowed below the configured load, because wrong friction may look like that."""
+"""kg. Allowed below no load, because wrong friction may look like that; the configured load may not be there."""
 LEAST_INERTIA = 0.5
-"""Share of the boom's inertia that no such load takes away: a light boom would be left with none, and the law with no number."""
+"""Share of the empty boom's inertia that no such load takes away: a light boom would have none, and the law no number."""
 
 
 LASTING = 1.0
@@ -49,8 +49,8 @@ class LoadObserver:
 
     def __init__(self, modes: Modes, p: Any) -> None:
         self.modes = modes
-        own, reach = float(inertia(p.pose.load, p)), float(p.pose.tip[0] ** 2 + p.pose.tip[1] ** 2)
-        self._lightest = max(LIGHTEST, (LEAST_INERTIA - 1.0) * own / reach)
+        empty, reach = float(inertia(0.0, p)), float(p.pose.tip[0] ** 2 + p.pose.tip[1] ** 2)
+        self._lightest = max(LIGHTEST, (LEAST_INERTIA - 1.0) * empty / reach) - float(p.pose.load)
         self.start = LoadState(modes=(0.0,) * len(modes.names))
 
     def gains(self, s: Any) -> dict[str, float]:

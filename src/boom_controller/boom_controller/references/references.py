@@ -2,7 +2,7 @@
 
 Sources: a stream of wanted angles through the trajectory generator (6.27), a planned trajectory, and rest. When the source
 changes, the difference between the old and the new one (angle, rate, acceleration) fades as a quintic within ``blend`` seconds, so
-that angle, rate and acceleration are continuous. It comes to rest by a bounded ramp, see
+that angle, rate and, up to ``deceleration``, acceleration are continuous. It comes to rest by a bounded ramp, see
 :func:`boom_controller.references.polynomial.to_rest`.
 
 What the boom cannot follow is slowed: a trajectory along itself (``governor``), a stream by limiting its rate.
@@ -85,7 +85,7 @@ class References:
 
     def rest(self) -> None:
         """Come to rest by the ramp, from any motion."""
-        before = self.present
+        before = self.onward
         self.kind = "rest"
         self._fading = None
         self._begin = self._now
@@ -112,8 +112,24 @@ class References:
         self.kind = "trajectory"
         self._begin = begin
         self.governor.start(trajectory.at, self._now - begin)
-        angle = trajectory.at(self._now - begin)
-        self._fade(self._generator.reset(angle.angle) if trajectory.smoothed else angle)
+        source = trajectory.exactly(self._now - begin)
+        self._fade(self._generator.reset(source.angle) if trajectory.smoothed else source)
+
+    @property
+    def onward(self) -> Reference:
+        """What another source goes on from: the present reference, with no more acceleration than a ramp to rest has.
+
+        What a short piece asks for at its ends would carry the boom far away in the time of a change.
+        """
+        return self.present._replace(acceleration=self._bounded(self.present.acceleration), jerk=0.0)
+
+    def _bounded(self, acceleration: float) -> float:
+        return min(max(acceleration, -self.deceleration), self.deceleration)
+
+    @property
+    def changing(self) -> bool:
+        """Whether something of the source before is left."""
+        return self._fading is not None
 
     @property
     def elapsed(self) -> float:
@@ -141,8 +157,11 @@ class References:
         return self.present
 
     def change(self, pole: float) -> None:
-        """Change the pole of the generator [1/s], without a jump."""
-        self._generator.change(pole)
+        """Change the pole of the generator [1/s]: it goes on from rest at the present angle, and the motion of before fades."""
+        smoothed = self.kind == "stream" or (self._trajectory is not None and self._trajectory.smoothed)
+        if self._generator.change(pole) and self.kind != "rest" and smoothed:
+            self._limited = self.present.angle
+            self._fade(self._generator.reset(self.present.angle))
 
     def _wanted_at(self, time: float) -> float:
         later: tuple[float, float] | None = None
@@ -179,8 +198,8 @@ class References:
         return ""
 
     def _fade(self, new: Reference) -> None:
-        old = self.present
-        ahead = (old.angle - new.angle, old.rate - new.rate, old.acceleration - new.acceleration)
+        old = self.onward
+        ahead = (old.angle - new.angle, old.rate - new.rate, old.acceleration - self._bounded(new.acceleration))
         self._faded_from = self._now
         self._fading = quintic(ahead, (0.0, 0.0, 0.0), self.blend) if any(ahead) else None
 

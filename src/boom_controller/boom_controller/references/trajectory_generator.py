@@ -61,13 +61,17 @@ class TrajectoryGenerator:
         f0 = self._f0
         return Reference(f0 * y0, f0 * y1, f0 * y2, f0 * y3)
 
-    def change(self, pole: float) -> None:
-        """Use another pole [1/s] from the next step on; angle and derivatives continue without a jump."""
+    def change(self, pole: float) -> bool:
+        """Use another pole [1/s] from the next step on, from rest at the angle reached; whether it is another one.
+
+        With the derivatives of before a slower filter would run far past a wanted angle that stands still.
+        """
         if pole == self._pole:
-            return
-        reached = [self._f0 * x for x in self._x]
+            return False
+        angle = self._f0 * self._x[0]
         self._set(pole)
-        self._x = [y / self._f0 for y in reached]
+        self.reset(angle)
+        return True
 
     def _set(self, pole: float) -> None:
         self._pole = pole

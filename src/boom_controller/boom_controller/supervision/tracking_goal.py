@@ -53,13 +53,16 @@ class TrackingGoal:
         self.tolerances, self.duration, self.goal = tolerances, duration, goal
         self.largest_error = 0.0
 
-    def look(self, elapsed: float, wanted: float, angle: float) -> Ending | None:
-        """`elapsed` [s] since the start, wanted and measured angle [rad]. Returns an ending, or None while it continues."""
+    def look(self, elapsed: float, wanted: float, angle: float, changing: bool = False) -> Ending | None:
+        """`elapsed` [s] since the start, wanted and measured angle [rad]. Returns an ending, or None while it continues.
+
+        changing: something of the reference before is left; it does not end before that has faded.
+        """
         error = abs(wanted - angle)
         if elapsed >= 0.0:
             self.largest_error = max(self.largest_error, error)
         path, goal = self.tolerances.path, self.tolerances.goal
-        if elapsed < self.duration:
+        if elapsed < self.duration or changing:
             if path is not None and error > path:
                 return self._end(
                     Code.PATH_TOLERANCE_VIOLATED, f"{error:.3g} rad away from the path, tolerance {path:g} rad"
@@ -101,12 +104,12 @@ class Goals:
         """True while the trajectory of that number is tracked."""
         return self._running is not None and self._running[0] == number
 
-    def look(self, elapsed: float, wanted: float, angle: float) -> Ending | None:
+    def look(self, elapsed: float, wanted: float, angle: float, changing: bool = False) -> Ending | None:
         """As :meth:`TrackingGoal.look`, for the tracked one."""
         if self._running is None:
             return None
         number, goal = self._running
-        ending = goal.look(elapsed, wanted, angle)
+        ending = goal.look(elapsed, wanted, angle, changing)
         if ending is not None:
             self._running = None
             self._endings.append((number, ending))
