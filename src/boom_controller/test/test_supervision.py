@@ -178,7 +178,7 @@ def test_currents_that_do_not_follow_are_found_and_those_nobody_measures_are_not
     assert all(watch.currents((0.0, 0.4), None, 1.0 + 0.01 * k) is None for k in range(60))
 
 
-@pytest.mark.parametrize(("every", "reason"), [(2, "currents_not_followed"), (50, "load_not_held")])
+@pytest.mark.parametrize(("every", "reason"), [(4, "currents_not_followed"), (50, "load_not_held")])
 def test_currents_that_come_now_and_then_are_no_load_that_cannot_be_held(every: int, reason: str) -> None:
     """As where the motion is enabled and disabled in turns."""
     watch = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6))
@@ -187,6 +187,19 @@ def test_currents_that_come_now_and_then_are_no_load_that_cannot_be_held(every: 
     law = ControlOutput(0.0, 0.4, reason="the load of about 5 kg cannot be held", cause="load_not_held")
     found = watch.motion(STILL, Reference(0.5), law, 1.5)
     assert found is not None and found.reason == reason
+
+
+@pytest.mark.parametrize("lasting", [0.05, 0.2, 0.4])
+def test_currents_that_stay_away_half_of_the_time_stop_the_boom_and_a_single_time_does_not(lasting: float) -> None:
+    watch = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6))
+
+    def found(time: float, away: bool) -> str | None:
+        cause = watch.currents((0.0, 0.4), (0.0, 0.0 if away else 0.4), time)
+        return cause and cause.reason
+
+    assert {found(0.01 * k, 100 <= k < 100 + round(100 * lasting)) for k in range(300)} == {None}
+    in_turns = [found(3.0 + 0.01 * k, int(0.01 * k / lasting) % 2 == 0) for k in range(300)]
+    assert "currents_not_followed" in in_turns
 
 
 def test_impossible_settings_are_refused_by_name() -> None:

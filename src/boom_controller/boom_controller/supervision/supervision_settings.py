@@ -34,7 +34,9 @@ class SupervisionSettings(Tunables):
     longest_cycle: float = tunable(0.05, "s", 0.02, 1.0, "time between two cycles from which a deadline was missed")
     most_missed: int = tunable(20, "", 1, 100, "periods without a cycle within one second that stop the boom")
     current_error: float = tunable(0.15, "A", 0.01, 3.0, "measured against commanded current: largest difference")
-    current_timeout: float = tunable(0.5, "s", 0.05, 10.0, "how long the currents may differ")
+    current_timeout: float = tunable(
+        0.5, "s", 0.05, 10.0, "how long the currents may differ, in all within twice as long"
+    )
     current_ramp: float = tunable(0.1, "s", 0.01, 0.5, "time in which a stop brings the currents to zero")
     stop_deceleration: float = tunable(1.5, "rad/s^2", 0.1, 20.0, "largest deceleration of the ramp to rest")
     stop_settling: float = tunable(0.2, "s", 0.0, 1.0, "time at rest before a stop ramps the currents to zero")

@@ -16,6 +16,7 @@ from boom_model.machine import Machine, Pose
 _STAYS = 0.1  # s that a pressure stays beyond its limit once that was told: bringing the boom to rest by the loop is of no use
 _WIDE_OPEN = 0.8  # of the way from where the valve opens to where it is open
 _RECENT, _SHARE = 1.0, 0.8  # s, of what was commanded: with less a law sees a load, or an oscillation, that is none
+_ROUNDING = 1e-9  # s
 _UNMOVED = 2e-3  # rad. What the angle's noise and steps may make of a boom that stands
 
 
@@ -63,12 +64,13 @@ class MotionWatch:
 
     def reset(self) -> None:
         """Start again."""
-        self._fast, self._pressed, self._stays, self._unlike = _Lasting(), _Lasting(), _Lasting(), _Lasting()
+        self._fast, self._pressed, self._stays = _Lasting(), _Lasting(), _Lasting()
         if self._weight:
             self._weight.reset()
         self._missed: deque[float] = deque()
         self._opened: deque[tuple[float, float]] = deque()
-        self._given: deque[tuple[float, float, float]] = deque()  # time [s], both currents commanded and measured [A]
+        # time [s], both currents commanded and measured [A], how long they differed [s]
+        self._given: deque[tuple[float, float, float, float]] = deque()
 
     def cycle(self, gap: float, period: float, now: float) -> StopCause | None:
         """Check a cycle that comes `gap` [s] after the last one; cycles are due every `period` [s]."""
@@ -146,11 +148,15 @@ class MotionWatch:
         """Check whether the solenoids get the commanded currents [A]. ``measured`` None: not measured."""
         if measured is None:
             return None
-        worst = max(abs(commanded[0] - measured[0]), abs(commanded[1] - measured[1]))
-        self._given.append((now, sum(commanded), sum(measured)))
-        while now - self._given[0][0] > _RECENT:
+        worst, timeout = (
+            max(abs(commanded[0] - measured[0]), abs(commanded[1] - measured[1])),
+            self.settings.current_timeout,
+        )
+        passed = min(now - self._given[-1][0], timeout) if self._given else 0.0
+        self._given.append((now, sum(commanded), sum(measured), passed if worst > self.settings.current_error else 0.0))
+        while now - self._given[0][0] > max(_RECENT, 2.0 * timeout):
             self._given.popleft()
-        if self._unlike(worst > self.settings.current_error, now, self.settings.current_timeout):
+        if self._given[-1][3] and sum(row[3] for row in self._given) >= timeout - _ROUNDING:
             return StopCause(
                 "currents_not_followed",
                 f"commanded {commanded[0]:.2f} and {commanded[1]:.2f} A, measured {measured[0]:.2f} and {measured[1]:.2f} A",
