@@ -260,9 +260,11 @@ def _covariance(case: Case, at: Point, fitted: Fitted | None) -> Array:
 def _said_of_commands(case: Case) -> tuple[str, ...]:
     if not case.oftener:
         return ()
+    between, held = "change between their samples", "hold from sample to sample"
+    said, other = (between, held) if any(bag.currents.late for bag in case.bags) else (held, between)
     return (
-        f"the currents change between their samples: commands every {1e3 * case.oftener:.0f} ms explain more than those that hold "
-        "from sample to sample; control.Ts of the machine file says so now. Log the currents as often as they are commanded",
+        f"the currents {said}: commands every {1e3 * case.oftener:.0f} ms explain more than those that {other}; control.Ts of the "
+        "machine file says so now. Log the currents as often as they are commanded",
     )
 
 

@@ -38,13 +38,15 @@ POINTS = 8
 class Opened:
     """A number of the machine file as if nothing were known of it, fitted with tolerances alone.
 
-    rest: loss per innovation over that of a healthy machine. away: logarithm of the number over the file's.
+    rest: loss per innovation over that of a healthy machine. away: logarithm of the number over the file's; within: standard
+    deviation of that.
     """
 
     number: Nuisance
     case: Case
     rest: float
     away: float
+    within: float
 
 
 @dataclass
@@ -70,7 +72,7 @@ class Case:
             at again with the observer that sees most.
         plain: parameters only that are handed out, where they are not those of the first round; ``sharpest`` are those, then.
         learned: a term that is plain to see and explains far more than any effect.
-        oftener: T_s [s] of a controller that commands more often than the file says, and the log shows (``straying``); 0: none.
+        oftener: T_s [s] of a controller that commands more or less often than the file says (``straying``); 0: as it says.
         own: numbers that are those of the recordings held out, by dotted name; see ``onset.own``.
         wrong: number of the machine file of which nothing is taken for known, and those that share its factor (``wrong_number``).
         filed: the case as it ended with the file's number, where one is wrong.

@@ -38,11 +38,12 @@ SHARES = (0.25, 0.125, 0.5)
 def commanded_oftener(case: Case) -> Case | None:
     """The case from its beginning as one whose currents change between their samples, where that is likelier; else None.
 
+    Where the file's T_s says that they do, as one whose currents hold until the next sample, as those of a slower controller.
+
     It must gain more than chance whatever disturbs the machine, which both may see: the log's shortcoming beside physics.
     """
     at, period = case.last, max(float(np.median(np.diff(bag.currents.sampled_at))) for bag in case.bags)
-    if any(bag.currents.late for bag in case.bags):
-        return None  # as the machine file says
+    slow = any(bag.currents.late for bag in case.bags)
     seen = links(case.machine)
 
     def likeliest(problem: Problem, z: Array) -> tuple[float, float]:
@@ -53,7 +54,7 @@ def commanded_oftener(case: Case) -> Case | None:
     on_stamps = np.where(
         [n.label == CLOCK for n in case.nuisances], 0.0, at.z
     )  # lines stand half a sample earlier by themselves
-    for share in OFTENER:
+    for share in (1.0,) if slow else OFTENER:
         machine = _commanding_every(share * period, case.machine)
         bags = [prepared for bag in case.bags if (prepared := prepare(bag.recording, machine))]
         tried = case_of(machine, bags, [p for bag in case.proving if (p := prepare(bag.recording, machine))], case.seed)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import exp, inf
+from math import exp, hypot, inf, sqrt
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from boom_diagnosis.hypotheses import Fits
 from boom_diagnosis.nuisances import LARGEST_Z, ROD_SIDE, TWINS, Nuisance, bore, known, masses
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.search import Scanner
-from boom_diagnosis.weighing import NEGLIGIBLE, TOO_SMALL
+from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, TOO_SMALL, Z90, of_tolerances
 
 ANYTHING = 0.4
 """Standard deviation of the logarithm of a number of which nothing is known: off by a factor of 1.5, and up to one of five."""
@@ -54,7 +54,7 @@ def _wrong(case: Case, most: float) -> Case | None:
         every = replace(case, nuisances=(*numbers, *masses(numbers), *bore(numbers)))
         tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(case, every)]
         case.opened = in_parallel(lambda pair: _fitted(*pair, case.floor), tried)
-    able = [o for o in case.opened if o.rest < most and abs(o.away) > LARGEST_Z * o.number.sigma]
+    able = [o for o in case.opened if o.rest < most and _wrong_for_sure(o)]
     if not able:
         return None
     least = min(o.rest for o in able)
@@ -62,6 +62,12 @@ def _wrong(case: Case, most: float) -> Case | None:
     first.case.filed = case
     first.case.or_wrong = tuple((o.number.components, exp(o.away)) for o in others)
     return first.case
+
+
+def _wrong_for_sure(opened: Opened) -> bool:
+    """Whether a number is further off than its tolerance reaches, and its interval leaves that out."""
+    reach = LARGEST_Z * opened.number.sigma
+    return abs(opened.away) > reach and abs(opened.away) > Z90 * hypot(opened.within, opened.number.sigma)
 
 
 def _laboured(case: Case) -> bool:
@@ -107,5 +113,6 @@ def _fitted(number: Nuisance, case: Case, floor: float) -> Opened:
     """The case with a number free, by tolerances alone."""
     case.floor = floor
     fits, guess = Fits(case.machine, case.bags, case.select, case.nuisances), case.nominal.tolerances
-    point = fits.settled(fits.likeliest(guess.z, {}), guess, ())[1]
-    return Opened(number, case, case.rest(point), ANYTHING * float(point.z[0]))
+    _, point, jacobian = fits.settled(fits.likeliest(guess.z, {}), guess, ())
+    spread = of_tolerances(point, jacobian, (), COLDEST, case.ended(point))[0, 0]
+    return Opened(number, case, case.rest(point), ANYTHING * float(point.z[0]), ANYTHING * sqrt(float(spread)))

@@ -55,9 +55,9 @@ def test_masses_that_are_all_wrong_by_one_factor_are_told_as_that() -> None:
     assert headline(result).startswith("pose.D0, pose.Sx and pose.Sy are wrong in the machine file, all by one factor")
 
 
-def opened(name: str, rest: float, away: float) -> Opened:
+def opened(name: str, rest: float, away: float, within: float = 0.01) -> Opened:
     number = Nuisance(name, 0.01)
-    return Opened(number, Case(None, None, [], [], [], [], [], (number,), 0, wrong=(name,)), rest, away)  # type: ignore[arg-type]
+    return Opened(number, Case(None, None, [], [], [], [], [], (number,), 0, wrong=(name,)), rest, away, within)  # type: ignore[arg-type]
 
 
 def test_of_numbers_that_explain_as_much_the_one_that_is_least_off_is_wrong_and_the_others_are_told() -> None:
@@ -65,6 +65,7 @@ def test_of_numbers_that_explain_as_much_the_one_that_is_least_off_is_wrong_and_
     case.opened = [
         opened("kinematics.L2", 0.0, -0.36), opened("kinematics.L1", 0.001, -0.05), opened("cylinder.A_a", 0.5, 0.2),
         opened("fluid.beta", 0.0, 0.03),  # within its tolerance
+        opened("main_valve_spool.d_v", 0.0, 0.04, 0.4),  # nothing tells it
     ]  # fmt: skip
     found = wrong_number._wrong(case, 0.012)
     assert found is not None and found.wrong == ("kinematics.L1",)
