@@ -101,7 +101,14 @@ def _promising(case: Case, every: Case) -> list[int]:
         i for i, n in enumerate(every.nuisances)
         if not (n.shift or n.difference or n.tail) and n.name not in TWINS
     ]  # fmt: skip
-    return sorted(open_to_doubt, key=lambda i: -look.gain(jacobian[:, [i]])[0])[:TRIED]
+    best = sorted(open_to_doubt, key=lambda i: -look.gain(jacobian[:, [i]])[0])
+    numbers = [every.nuisances[i] for i in best[:TRIED]]
+    return best[:TRIED] + [i for i in best[TRIED:] if _together_with(every.nuisances[i], numbers)]
+
+
+def _together_with(other: Nuisance, numbers: Sequence[Nuisance]) -> bool:
+    """Whether numbers that are wrong together are one of ``numbers`` and more: the linear look tells these apart badly."""
+    return any(len(other.components) > len(n.components) and set(n.components) & set(other.components) for n in numbers)
 
 
 def _opened(case: Case, number: Nuisance) -> Case:

@@ -140,3 +140,13 @@ def test_another_piston_changes_both_areas_by_one_amount_and_its_rod_side_never_
     assert in_words(of_both.components).startswith(
         "cylinder.A_a and cylinder.A_b are wrong in the machine file, by one amount"
     )
+
+
+def test_numbers_that_may_be_wrong_together_are_tried_where_one_of_them_is() -> None:
+    case = case_of(tz17(), [prepare(noisy(tz17(), 3.0, 1), tz17())], [], 0)
+    numbers = [*case.nuisances, *known(tz17(), case.pose)]
+    (both,) = bore(numbers)
+    named = {n.name: n for n in numbers}
+    assert wrong_number._together_with(both, [named["fluid.beta"], named["cylinder.A_b"]])
+    assert not wrong_number._together_with(both, [named["fluid.beta"]])
+    assert not wrong_number._together_with(named["cylinder.A_b"], [both])
