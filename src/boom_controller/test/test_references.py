@@ -160,8 +160,8 @@ def test_another_pole_in_motion_makes_no_jump_and_leads_no_further_than_is_wante
     made.change(pole)
     after = run(made, 60, 2000)
     assert smooth([*moving, *after])
-    assert max(r.angle for r in after) < 0.6 + 1e-6
-    assert max(abs(r.rate) for r in after) < 0.66
+    assert max(r.angle for r in after) < 0.6 + 2e-4
+    assert max(abs(r.rate) for r in after) < 0.6
 
 
 @pytest.mark.parametrize("seconds", [0.05, 0.1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import exp
 
 import pytest
@@ -32,14 +33,16 @@ def test_it_rests_where_it_was_reset() -> None:
     assert (r.rate, r.acceleration, r.jerk) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
-def test_another_pole_goes_on_from_rest_at_the_angle_and_not_past_what_is_wanted() -> None:
+@pytest.mark.parametrize("pole", [-0.5, -5.0, -50.0])
+def test_another_pole_in_motion_changes_nothing_at_once_and_leads_no_further_than_is_wanted(pole: float) -> None:
     generator = TrajectoryGenerator(-POLE, T)
     generator.reset(0.0)
-    for _ in range(20):
-        before = generator.step(1.0)
-    assert not generator.change(-POLE)
-    assert generator.change(-5.0)
-    after = [generator.step(1.0) for _ in range(600)]
-    assert after[0].angle == pytest.approx(before.angle, abs=1e-3)
-    assert max(r.angle for r in after) <= 1.0 + 1e-9
-    assert after[-1].angle == pytest.approx(1.0, abs=1e-6)
+    moving = [generator.step(0.3 * T * k) for k in range(60)]
+    wanted = 0.3 * T * 59
+    generator.change(pole)
+    after = [generator.step(wanted) for _ in range(4000)]
+    for a, b in pairwise([moving[-1], *after]):
+        assert b.angle - a.angle == pytest.approx(0.5 * T * (a.rate + b.rate), abs=1e-5)
+        assert b.rate - a.rate == pytest.approx(0.5 * T * (a.acceleration + b.acceleration), abs=1e-3)
+    assert max(r.angle for r in after) < wanted + 2e-4
+    assert after[-1].angle == pytest.approx(wanted, abs=1e-4)

@@ -157,11 +157,8 @@ class References:
         return self.present
 
     def change(self, pole: float) -> None:
-        """Change the pole of the generator [1/s]: it goes on from rest at the present angle, and the motion of before fades."""
-        smoothed = self.kind == "stream" or (self._trajectory is not None and self._trajectory.smoothed)
-        if self._generator.change(pole) and self.kind != "rest" and smoothed:
-            self._limited = self.present.angle
-            self._fade(self._generator.reset(self.present.angle))
+        """Change the pole of the generator [1/s], without a jump."""
+        self._generator.change(pole)
 
     def _wanted_at(self, time: float) -> float:
         later: tuple[float, float] | None = None

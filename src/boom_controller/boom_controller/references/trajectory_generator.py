@@ -17,6 +17,8 @@ from scipy.linalg import expm
 from boom_controller.types import Reference
 
 ORDER = 4
+SLOWLY = 0.2
+"""s per s. With 0.5 a filter that gets slower runs past what is wanted, by 13 mrad after 0.3 rad/s; with 0.2 by 0.1."""
 
 
 def coefficients(pole: float) -> tuple[float, ...]:
@@ -41,6 +43,7 @@ class TrajectoryGenerator:
         self._sample_time = sample_time
         self._x = [0.0] * ORDER
         self._set(pole)
+        self._wanted_pole = pole
 
     def reset(self, angle: float) -> Reference:
         """Start at rest at the angle [rad]."""
@@ -50,6 +53,8 @@ class TrajectoryGenerator:
     def step(self, angle: float) -> Reference:
         """One sample time with the wanted angle [rad] held; the reference at its end."""
         # written out: every cycle of the controller waits for it, and a loop takes three times as long
+        if self._pole != self._wanted_pole:
+            self._approach()
         x0, x1, x2, x3 = self._x
         (a0, a1, a2, a3), (b0, b1, b2, b3), (c0, c1, c2, c3), (d0, d1, d2, d3) = self._phi
         g0, g1, g2, g3 = self._gamma
@@ -61,17 +66,21 @@ class TrajectoryGenerator:
         f0 = self._f0
         return Reference(f0 * y0, f0 * y1, f0 * y2, f0 * y3)
 
-    def change(self, pole: float) -> bool:
-        """Use another pole [1/s] from the next step on, from rest at the angle reached; whether it is another one.
+    def change(self, pole: float) -> None:
+        """Move to another pole [1/s] from the next step on; angle and derivatives continue.
 
-        With the derivatives of before a slower filter would run far past a wanted angle that stands still.
+        Its time constant changes by ``SLOWLY`` s per s: at once a slower filter would run far past an angle that stands still,
+        and a faster one make up in a moment for what the slow one is behind.
         """
-        if pole == self._pole:
-            return False
-        angle = self._f0 * self._x[0]
-        self._set(pole)
-        self.reset(angle)
-        return True
+        self._wanted_pole = pole
+
+    def _approach(self) -> None:
+        reached = [self._f0 * x for x in self._x]
+        step = SLOWLY * self._sample_time
+        constant, wanted = -1.0 / self._pole, -1.0 / self._wanted_pole
+        near = abs(wanted - constant) <= step
+        self._set(self._wanted_pole if near else -1.0 / (constant + (step if wanted > constant else -step)))
+        self._x = [y / self._f0 for y in reached]
 
     def _set(self, pole: float) -> None:
         self._pole = pole
