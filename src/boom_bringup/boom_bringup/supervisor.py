@@ -176,7 +176,8 @@ class Supervisor:
         """What a new process does first. A node gets a Ctrl-C once it handles it: a starting Python would show a traceback."""
         from boom_node.children import die_with_parent  # here, so that --help needs no other package
 
-        ends, held = die_with_parent(parent), any(word.endswith("_node") for word in program.command)
+        ends, words = die_with_parent(parent), list(program.command)
+        held = "-m" in words and "".join(words[words.index("-m") + 1 :][:1]).endswith("_node")
 
         def begin() -> None:
             ends()

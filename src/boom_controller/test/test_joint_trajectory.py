@@ -180,8 +180,12 @@ def test_a_smooth_path_in_points_every_10_ms_keeps_its_derivatives_though_they_a
 
 def test_a_boom_beyond_its_bounds_may_be_led_back_and_no_further_out() -> None:
     outside = BOUNDS.low - 0.01
-    bounds = BOUNDS.from_where(outside)
+    bounds = BOUNDS.from_where(outside + 1e-4, outside)  # measured, and by its reference
     back = TrajectoryPoint(3.0, 0.1, 0.0)
     assert plan([back], Reference(outside), outside, bounds).goal == 0.1
-    with pytest.raises(TrajectoryError, match="the boom moves between"):
-        plan([TrajectoryPoint(1.0, outside - 0.01, 0.0), back], Reference(outside), outside, bounds)
+    out = [TrajectoryPoint(1.0, outside - 0.01, 0.0), back]
+    to_and_fro = [back, TrajectoryPoint(6.0, outside, 0.0)]
+    there_once_more = [back, TrajectoryPoint(6.0, outside + 0.005, 0.0), TrajectoryPoint(9.0, 0.1, 0.0)]
+    for points in (out, to_and_fro, there_once_more):
+        with pytest.raises(TrajectoryError, match="the boom moves between"):
+            plan(points, Reference(outside), outside, bounds)

@@ -185,3 +185,19 @@ def test_a_short_quintic_is_followed_without_a_step_back_and_nothing_of_it_is_le
     assert min(r.angle for r in path) >= 0.3 and max(r.angle for r in path) < 0.328 + 1e-9
     made.rest()
     assert run(made, 60, 120)[-1].angle == pytest.approx(0.328, abs=1e-9)
+
+
+@pytest.mark.parametrize("blend", [0.05, 3.0])
+def test_another_blend_does_not_change_what_fades_already(blend: float) -> None:
+    made = references()
+    for k in range(1, 80):
+        made.stream(0.6)
+        before = made.advance(TS * k)
+    made.start(
+        plan([TrajectoryPoint(2.0, 0.7, 0.0)], Reference(0.4), 0.4, BOUNDS), TS * 79
+    )  # 60 mrad and its rate away
+    fading = run(made, 80, 90)
+    made.blend = blend
+    samples = [before, *fading, *run(made, 90, 500)]
+    assert smooth(samples)
+    assert samples[-1].angle == pytest.approx(0.7) and max(abs(r.angle) for r in samples) < 0.75

@@ -233,3 +233,19 @@ def test_a_goal_is_not_reached_while_something_of_the_reference_before_is_left()
     assert goal.look(0.2, 0.33, 0.328, True) is None
     ending = goal.look(0.5, 0.328, 0.328)
     assert ending is not None and ending.code is Code.SUCCESSFUL
+    late = TrackingGoal(Tolerances(None, 0.005, 1.0), 0.09, 0.328)
+    assert late.look(3.0, 0.33, 0.30, True) is None
+    assert late.look(3.9, 0.328, 0.30) is None  # its time counts from there
+    ending = late.look(4.1, 0.328, 0.30)
+    assert ending is not None and ending.code is Code.GOAL_TOLERANCE_VIOLATED
+
+
+def test_time_in_which_nobody_measures_the_currents_is_no_time_in_which_they_differ() -> None:
+    watch = MotionWatch(SETTINGS, (0.0, 1.5), (0.2, 0.6))
+    away = (0.0, 0.4), (0.0, 0.0)
+    assert watch.currents((0.0, 0.4), (0.0, 0.4), 0.0) is None
+    assert watch.currents((0.0, 0.4), None, 0.3) is None
+    assert watch.currents(*away, 0.6) is None
+    assert watch.currents(*away, -9.0) is None  # a clock that goes back
+    found = [watch.currents(*away, -9.0 + 0.01 * k) for k in range(1, 60)]
+    assert found[30] is None and found[-1] is not None

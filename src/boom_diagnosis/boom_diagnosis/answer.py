@@ -262,9 +262,10 @@ def _said_of_commands(case: Case) -> tuple[str, ...]:
         return ()
     between, held = "change between their samples", "hold from sample to sample"
     said, other = (between, held) if any(bag.currents.late for bag in case.bags) else (held, between)
+    advice = ". Log the currents as often as they are commanded" if said == between else ""
     return (
         f"the currents {said}: commands every {1e3 * case.oftener:.0f} ms explain more than those that {other}; control.Ts of the "
-        "machine file says so now. Log the currents as often as they are commanded",
+        f"machine file says so now{advice}",
     )
 
 
@@ -414,7 +415,7 @@ def _unknown_finding(
         )
         nearest = f"; the nearest is {label_of(unlike.effect)}, but as no boom can have it ({numbers})"
     said = f" Learnt from the data: {learned.curve.reading}." if learned else ""
-    equation = "5.39a" if home in ("load", "structure") else link.equation
+    equation = "5.39a" if home in ("load", "structure") and key != BETWEEN.key else link.equation
     where = f"at '{link.title}'"
     if not learned and rate_alone(fit):
         home, equation, where = "sensors", _OF_THE_RATE.equation, "of the rate, which angle and pressures do not show"

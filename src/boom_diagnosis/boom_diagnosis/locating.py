@@ -163,11 +163,14 @@ def _chain(
             np.sum([f.corrections[state] * by / noise[state] ** 2 for state, by in slip.items()], axis=0)
             for f in (own, other)
         )
-        row[BETWEEN.key] = common / max(_size(still), 1e-30)
+        row[BETWEEN.key] = (
+            common / max(_size(still), 1e-30) if all(noise[state] > 1e-30 for state in slip) else 0.0 * common
+        )
         for key, given in row.items():
             excess[key] += max(0.0, float(np.mean(given**2)) - 1.3)
         scaled.append(row)
-    return {key: share * breaks(sum(excess.values())) for key, share in _shares(excess).items()}, scaled
+    broken = breaks(sum(excess[link.key] for link in equations))
+    return {key: share * broken for key, share in _shares(excess).items()}, scaled
 
 
 def _size(values: Array) -> float:

@@ -29,6 +29,8 @@ CLOSED_CURRENT = 0.05
 """A. Below it the spool stays deep inside its dead zone whatever the current's noise."""
 RESTING_RATE = 5e-3
 """rad/s. Mean rate below which the boom rests."""
+SWINGING_RATE = 3.0 * RESTING_RATE
+"""rad/s. Root mean square from which on it swings about a place: more than a gyro's noise is, where that is filtered."""
 FIT_WINDOW = 1.0
 DRIFT_WINDOW = 0.1
 """s over which the angle tells the rate where no gyro does."""
@@ -86,12 +88,9 @@ def means_at_rest(recording: Recording, start: float, end: float) -> dict[str, f
     there = {name for name in OUTPUTS if recording.signals[name].valid.any()}
     if "angle" not in there or not all(np.isfinite(means[name]) for name in there):
         return None
-    if "rate" in there:
-        moving = _beyond_noise(_samples(recording, "rate", start, end)[1])
-    else:
-        angle = _samples(recording, "angle", start, end)[1] - means["angle"]
-        moving = max(abs(_drift(recording, start, end)), _beyond_noise(angle) / DRIFT_WINDOW)
-    return means if moving < RESTING_RATE else None
+    rate = means["rate"] if "rate" in there else _drift(recording, start, end)
+    swings = "rate" in there and _beyond_noise(_samples(recording, "rate", start, end)[1]) > SWINGING_RATE
+    return means if abs(rate) < RESTING_RATE and not swings else None
 
 
 def _beyond_noise(values: Array) -> float:

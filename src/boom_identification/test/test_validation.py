@@ -308,20 +308,19 @@ def test_currents_further_apart_than_50_ms_are_two_stretches():
     assert HeldCurrents(np.empty(0), np.empty((0, 2))).stretches(1.0) == []
 
 
-@pytest.mark.parametrize("without", [(), ("rate",)])
-def test_a_boom_that_swings_about_a_place_does_not_rest(without):
-    time = np.arange(200) * 0.01
-    swing = 6e-3 * np.sin(2 * np.pi * 2.0 * time)
+def resting_with(rate_of):
     recording = constant(angle=0.4, hose_pressure=6e6, rod_pressure=1e6)
-    angle, rate = recording.signals["angle"], recording.signals["rate"]
-    moved = {
-        "angle": dataclasses.replace(angle, values=0.4 + np.interp(angle.time, time, swing)),
-        "rate": dataclasses.replace(rate, values=np.gradient(np.interp(rate.time, time, swing), rate.time)),
-    }
-    absent = {name: dataclasses.replace(rate, valid=np.zeros(len(rate.time), dtype=bool)) for name in without}
-    swinging = dataclasses.replace(recording, signals={**recording.signals, **moved, **absent})
-    assert means_at_rest(recording, 0.0, 0.95) is not None
-    assert means_at_rest(swinging, 0.0, 0.95) is None
+    rate = recording.signals["rate"]
+    shown = dataclasses.replace(rate, values=rate_of(rate.time))
+    return means_at_rest(dataclasses.replace(recording, signals={**recording.signals, "rate": shown}), 0.0, 0.95)
+
+
+def test_a_boom_that_swings_about_a_place_does_not_rest_and_one_of_a_noisy_gyro_does():
+    rng = np.random.default_rng(1)
+    noise = np.convolve(rng.standard_normal(300), 0.8 ** np.arange(20), mode="same")
+    assert resting_with(lambda time: 0.0 * time) is not None
+    assert resting_with(lambda time: 8e-3 / noise.std() * noise[: len(time)]) is not None
+    assert resting_with(lambda time: 0.075 * np.cos(2 * np.pi * 2.0 * time)) is None
 
 
 def test_the_initial_state_of_a_resting_boom_is_the_mean_of_what_was_measured():

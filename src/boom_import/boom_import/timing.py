@@ -383,5 +383,5 @@ def stamps_of(seconds: Floats) -> NDArray[np.int64]:
     whole = np.nan_to_num(np.floor(seconds), nan=-1.0)
     fraction = np.nan_to_num(seconds - whole)
     if np.abs(whole).max(initial=0.0) > 4e9:
-        raise ImportingError("the times of the table lie beyond the year 2096: is the unit of the time right?")
+        raise ImportingError("the times lie beyond the year 2096: is the unit of the time right?")
     return np.asarray(whole.astype(np.int64) * 10**9 + np.rint(fraction * 1e9).astype(np.int64), np.int64)

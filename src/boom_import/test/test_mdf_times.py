@@ -45,3 +45,17 @@ def test_times_that_stand_twice_are_spread(tmp_path: Path) -> None:
 def test_times_that_no_machine_has_are_refused_in_one_line(tmp_path: Path, time: np.ndarray, words: str) -> None:
     with pytest.raises(ImportingError, match=words):
         mdf.read(written(tmp_path / "a.mf4", time), lambda share: None)
+
+
+def test_a_group_that_cannot_be_read_is_left_out_with_the_reason(tmp_path: Path) -> None:
+    file = MDF(version="4.10")
+    file.append([Signal(np.zeros(3), np.zeros(3), "", name="Event")])
+    step = (TIME > 2.0).astype(float)
+    twice = np.repeat(TIME[::2], 2)
+    file.append([Signal(np.sin(TIME), twice, "rad", name="Angle"), Signal(step, twice, "A", name="Current")])
+    file.save(tmp_path / "a.mf4", overwrite=True)
+    file.close()
+    source = mdf.read(tmp_path / "a.mf4", lambda share: None)
+    assert source.notes[-1].startswith("a group is left out: all 3 samples of 'Event' have the same time")
+    angle, current = source.columns
+    assert np.array_equal(angle.stamps_ns, current.stamps_ns)  # also of one that stands still while times stand twice

@@ -303,9 +303,11 @@ def _check_links(machine: Machine) -> None:
         limits = rigid_body.vector(
             rigid_body.entry(body["joint_limits"], "rigid_body.joint_limits", "q3"), "rigid_body.joint_limits.q3", 2
         )
-        if not (limits[0] < limits[1] and max(map(abs, limits)) <= TURN):
+        if not limits[0] < limits[1]:
+            raise MachineError(f"rigid_body.joint_limits.q3: {limits[0]:g} .. {limits[1]:g} rad is no range")
+        if not max(map(abs, limits)) <= TURN:
             raise MachineError(
-                f"rigid_body.joint_limits.q3: {limits[0]:g} .. {limits[1]:g} rad is no range within a turn: is it in degrees?"
+                f"rigid_body.joint_limits.q3: {limits[0]:g} .. {limits[1]:g} rad is more than a turn: is it in degrees?"
             )
         middle = float(limits.mean())
     if "planar" in body:

@@ -169,7 +169,7 @@ CASES: dict[str, tuple[Spoil, str]] = {
     ),
     "limits_in_degrees": (
         put("rigid_body.joint_limits.q3", [-10.0, 165.0]),
-        r"-10 .. 165 rad is no range within a turn",
+        r"-10 .. 165 rad is more than a turn",
     ),
     "pose_without_inertia": (put("rigid_body.configs.T3_extended.D0", -1.0), r"D0: -1 is not a positive inertia"),
     "pose_tip": (put("rigid_body.configs.T3_extended.tip", [1.0]), r"T3_extended\.tip: expected \[x, y\] in m"),

@@ -39,7 +39,9 @@ def end_with(process: int) -> None:
                 gone = poll()
                 gone.register(os.pidfd_open(process), POLLIN)
                 gone.poll()
-            except (AttributeError, PermissionError):  # not on this system
+            except ProcessLookupError:
+                raise
+            except (AttributeError, OSError):  # not on this system
                 return
         os._exit(1)
 

@@ -230,7 +230,9 @@ def _stopped_by_term() -> Iterator[None]:
             handler(number, frame)  # remembers the signal for the exit status
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, stop) for number in ending_signals()}
+    before = {number: signal.getsignal(number) for number in ending_signals()}
+    for number in before:
+        signal.signal(number, stop)
     try:
         yield
     finally:

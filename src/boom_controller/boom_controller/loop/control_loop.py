@@ -247,7 +247,9 @@ class ControlLoop:
         angle = sensor.values[0]
         idle = state is MotionState.IDLE
         request = Request(points, begin, present=Reference(angle) if idle else self.references.onward)
-        bounds = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance).from_where(angle)
+        bounds = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance).from_where(
+            angle, request.present.angle
+        )
         # a boom in motion goes on from its reference, which is that of the last cycle: a newer sample may wait for the next one
         trajectory, from_now = request.planned(angle, sensor.stamp, sensor.stamp if idle else self._time, bounds)
         self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")

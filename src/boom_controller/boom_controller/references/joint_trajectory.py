@@ -29,6 +29,7 @@ nothing about the path that far on. Points of 0.01 to 0.3 s with rates of zero a
 not."""
 _SAMPLES = 25
 _REST_RATE = 1e-3
+_ROUNDING = 1e-6  # s
 
 
 class Code(IntEnum):
@@ -64,16 +65,21 @@ class TrajectoryPoint:
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of a trajectory: angle [rad] between low and high, at most `rate` [rad/s]; the start may be off [rad]."""
+    """Limits of a trajectory: angle [rad] between low and high, at most `rate` [rad/s]; the start may be off [rad].
+
+    least, most: angles [rad] of a boom that stands beyond these: from there it may be led back, and no further out.
+    """
 
     low: float
     high: float
     rate: float
     start: float
+    least: float = math.inf
+    most: float = -math.inf
 
-    def from_where(self, angle: float) -> Bounds:
-        """The bounds of a boom that stands at an angle [rad]: one beyond them may be led back."""
-        return replace(self, low=min(self.low, angle), high=max(self.high, angle))
+    def from_where(self, *angles: float) -> Bounds:
+        """The bounds of a boom that stands at these angles [rad], measured and by its reference."""
+        return replace(self, least=min(angles), most=max(angles))
 
 
 class JointTrajectory:
@@ -88,7 +94,7 @@ class JointTrajectory:
     def __init__(self, times: Sequence[float], pieces: Sequence[Polynomial], goal: float, smoothed: bool) -> None:
         self._begins = tuple(times[:-1])
         self._pieces = tuple(pieces)
-        self._short = tuple(not smoothed and b - a < LOOK_AHEAD for a, b in pairwise(times))
+        self._short = tuple(not smoothed and b - a < LOOK_AHEAD - _ROUNDING for a, b in pairwise(times))
         self._planned = times[-1]
         self.goal = goal
         self.smoothed = smoothed
@@ -162,7 +168,11 @@ def _check_fields(points: Sequence[TrajectoryPoint], bounds: Bounds) -> None:
         if point.time < 0.0 or point.time <= before:
             raise TrajectoryError(f"point {k} is at {point.time:g} s: times have to ascend strictly, from 0 s on")
         before = point.time
-        if not bounds.low <= point.angle <= bounds.high:
+        outer = point is not points[-1]
+        low, high = (
+            (min(bounds.low, bounds.least), max(bounds.high, bounds.most)) if outer else (bounds.low, bounds.high)
+        )
+        if not low <= point.angle <= high:
             raise TrajectoryError(f"point {k} is at {point.angle:.4g} rad: {_between(bounds)}")
         if (point.rate is None, point.acceleration is None) != (points[0].rate is None, points[0].acceleration is None):
             raise TrajectoryError(
@@ -194,6 +204,8 @@ def _check_bounds(points: Sequence[TrajectoryPoint], pieces: Sequence[Polynomial
         angle = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
         rate = c1 + t * (2 * c2 + t * (3 * c3 + t * (4 * c4 + t * 5 * c5)))
         inside = (bounds.low <= angle) & (angle <= bounds.high)
+        inside |= (bounds.least <= angle) & (angle < bounds.low) & (rate >= -_REST_RATE)  # led back
+        inside |= (bounds.high < angle) & (angle <= bounds.most) & (rate <= _REST_RATE)
         wrong = ~(inside & (np.abs(rate) <= bounds.rate))
     if not wrong.any():
         return

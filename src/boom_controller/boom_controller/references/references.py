@@ -66,7 +66,7 @@ class References:
         self._piece = Polynomial(angle)
         self._length = 0.0
         self._fading: Polynomial | None = None
-        self._faded_from = now
+        self._faded_from, self._fades_for = now, self.blend
         self._trajectory: JointTrajectory | None = None
         self.governor.reset()
         self._wanted = angle
@@ -197,14 +197,14 @@ class References:
     def _fade(self, new: Reference) -> None:
         old = self.onward
         ahead = (old.angle - new.angle, old.rate - new.rate, old.acceleration - self._bounded(new.acceleration))
-        self._faded_from = self._now
+        self._faded_from, self._fades_for = self._now, self.blend
         self._fading = quintic(ahead, (0.0, 0.0, 0.0), self.blend) if any(ahead) else None
 
     def _faded(self, source: Reference) -> Reference:
         if self._fading is None:
             return source
         passed = self._now - self._faded_from
-        if passed >= self.blend:
+        if passed >= self._fades_for:
             self._fading = None
             return source
         off = self._fading.at(passed)

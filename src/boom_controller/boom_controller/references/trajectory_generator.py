@@ -17,8 +17,9 @@ from scipy.linalg import expm
 from boom_controller.types import Reference
 
 ORDER = 4
-SLOWLY = 0.2
-"""s per s. With 0.5 a filter that gets slower runs past what is wanted, by 13 mrad after 0.3 rad/s; with 0.2 by 0.1."""
+SLOWLY = 0.05
+"""s per s: a motion at constant rate is 4 times that slower or faster meanwhile. With 0.5 a filter that gets slower runs past what
+is wanted, by 13 mrad after 0.3 rad/s."""
 
 
 def coefficients(pole: float) -> tuple[float, ...]:

@@ -51,17 +51,19 @@ class TrackingGoal:
 
     def __init__(self, tolerances: Tolerances, duration: float, goal: float) -> None:
         self.tolerances, self.duration, self.goal = tolerances, duration, goal
-        self.largest_error = 0.0
+        self.largest_error, self._due = 0.0, duration
 
     def look(self, elapsed: float, wanted: float, angle: float, changing: bool = False) -> Ending | None:
         """`elapsed` [s] since the start, wanted and measured angle [rad]. Returns an ending, or None while it continues.
 
-        changing: something of the reference before is left; it does not end before that has faded.
+        changing: something of the reference before is left; it does not end before that has faded, and is late from then on.
         """
         error = abs(wanted - angle)
         if elapsed >= 0.0:
             self.largest_error = max(self.largest_error, error)
         path, goal = self.tolerances.path, self.tolerances.goal
+        if changing:
+            self._due = max(self._due, elapsed)
         if elapsed < self.duration or changing:
             if path is not None and error > path:
                 return self._end(
@@ -71,7 +73,7 @@ class TrackingGoal:
         left = abs(self.goal - angle)
         if goal is None or left <= goal:
             return self._end(Code.SUCCESSFUL, "")
-        if elapsed >= self.duration + self.tolerances.time:
+        if elapsed >= self._due + self.tolerances.time:
             return self._end(
                 Code.GOAL_TOLERANCE_VIOLATED,
                 f"{left:.3g} rad away from the goal {self.tolerances.time:g} s after its time, tolerance {goal:g} rad",

@@ -71,6 +71,7 @@ class MotionWatch:
         self._opened: deque[tuple[float, float]] = deque()
         # time [s], both currents commanded and measured [A], how long they differed [s]
         self._given: deque[tuple[float, float, float, float]] = deque()
+        self._measured_at = math.inf
 
     def cycle(self, gap: float, period: float, now: float) -> StopCause | None:
         """Check a cycle that comes `gap` [s] after the last one; cycles are due every `period` [s]."""
@@ -147,16 +148,21 @@ class MotionWatch:
     ) -> StopCause | None:
         """Check whether the solenoids get the commanded currents [A]. ``measured`` None: not measured."""
         if measured is None:
+            self._measured_at = math.inf
             return None
         worst, timeout = (
             max(abs(commanded[0] - measured[0]), abs(commanded[1] - measured[1])),
             self.settings.current_timeout,
         )
-        passed = min(now - self._given[-1][0], timeout) if self._given else 0.0
+        passed = min(max(now - self._measured_at, 0.0), self.settings.longest_cycle)
+        self._measured_at = now
         self._given.append((now, sum(commanded), sum(measured), passed if worst > self.settings.current_error else 0.0))
         while now - self._given[0][0] > max(_RECENT, 2.0 * timeout):
             self._given.popleft()
-        if self._given[-1][3] and sum(row[3] for row in self._given) >= timeout - _ROUNDING:
+        if (
+            self._given[-1][3]
+            and sum(row[3] for row in self._given if row[0] > now - 2.0 * timeout) >= timeout - _ROUNDING
+        ):
             return StopCause(
                 "currents_not_followed",
                 f"commanded {commanded[0]:.2f} and {commanded[1]:.2f} A, measured {measured[0]:.2f} and {measured[1]:.2f} A",
@@ -165,7 +171,8 @@ class MotionWatch:
 
     def _interrupted(self) -> StopCause | None:
         """What the law takes for a load or an oscillation where the solenoids got the currents now and then only."""
-        commanded, measured = (sum(row[k] for row in self._given) for k in (1, 2))
+        recent = [row for row in self._given if row[0] >= self._given[-1][0] - _RECENT]
+        commanded, measured = (sum(row[k] for row in recent) for k in (1, 2))
         if measured >= _SHARE * commanded:
             return None
         return StopCause(

@@ -11,6 +11,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 from asammdf import MDF
+from numpy.typing import NDArray
 
 from boom_import.errors import ImportingError
 from boom_import.source import Column, Source, column, unique
@@ -40,51 +41,76 @@ def read(path: Path, progress: Callable[[float], None]) -> Source:
     """The channels of an MDF file that are numbers, each with the time of its group.
 
     Raises:
-        ImportingError: no such channels, or times that go back or do not rise.
+        ImportingError: no such channels, or none with times that rise.
     """
     logging.getLogger("asammdf").setLevel(logging.CRITICAL)
     columns: list[Column] = []
     notes: dict[str, None] = {}
+    left_out: list[str] = []
     taken: set[str] = set()
     with opened(path) as content, _opened(content) as file:
         begin = file.header.start_time.timestamp()
         dated = begin > _EARLIEST
         zero = round(begin * 1e9) if dated else 0
         for index, group in enumerate(file.groups):
-            master = file.masters_db.get(index)
-            label = (getattr(group.channel_group, "acq_name", "") or "").strip()
-            for number, channel in enumerate(group.channels):
-                if number == master or len(columns) >= _MOST_COLUMNS:
-                    continue
-                signal = file.get(group=index, index=number, ignore_invalidation_bits=False)
-                if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "fiub" or master is None:
-                    continue
-                key = unique(f"{label}/{channel.name}" if label else channel.name, taken)
-                words = " ".join(part for part in (label, channel.name, signal.comment or "") if part)[:200]
-                axis = _axis(key, signal, zero, notes)
-                values = np.asarray(signal.samples, np.float64)[axis.rows]
-                made = column(key, words, signal.unit or "", axis.stamps_ns, values)
-                columns += [made] if made else []
+            try:
+                columns += _columns(file, index, group, zero, taken, notes, _MOST_COLUMNS - len(columns))
+            except ImportingError as error:
+                left_out.append(str(error))
             progress((index + 1) / len(file.groups))
     if not columns:
-        raise ImportingError("it holds no channels of numbers with a time")
+        raise ImportingError(left_out[0] if left_out else "it holds no channels of numbers with a time")
     said = "each group's time channel" + (" and the file's start time" if dated else "")
-    return Source(path, "MDF", columns, dated, said, list(notes))
+    return Source(path, "MDF", columns, dated, said, [*notes, *(f"a group is left out: {why}" for why in left_out)])
 
 
-def _axis(key: str, signal: Any, zero: int, notes: dict[str, None]) -> Axis:
-    """When the samples of a channel were taken, as the times of a table are read; what was done to them is a note.
+def _columns(
+    file: Any, index: int, group: Any, zero: int, taken: set[str], notes: dict[str, None], most: int
+) -> list[Column]:
+    """The channels of a group that are numbers; those with the same samples on one axis.
+
+    Raises:
+        ImportingError: times that go back or do not rise.
+    """
+    master = file.masters_db.get(index)
+    label = (getattr(group.channel_group, "acq_name", "") or "").strip()
+    found: dict[bytes, list[tuple[RawColumn, str]]] = {}
+    for number, channel in enumerate(group.channels):
+        if number == master or master is None or sum(map(len, found.values())) >= most:
+            continue
+        signal = file.get(group=index, index=number, ignore_invalidation_bits=False)
+        if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "fiub":
+            continue
+        key = unique(f"{label}/{channel.name}" if label else channel.name, taken)
+        words = " ".join(part for part in (label, channel.name, signal.comment or "") if part)[:200]
+        raw = RawColumn(key, words, signal.unit or "", np.asarray(signal.samples, np.float64))
+        found.setdefault(np.asarray(signal.timestamps, np.float64).tobytes(), []).append((raw, words))
+    columns: list[Column] = []
+    for time, own in found.items():
+        axis = _axis(np.frombuffer(time), [raw for raw, _ in own], zero, notes)
+        made = (column(raw.key, words, raw.unit, axis.stamps_ns, raw.values[axis.rows]) for raw, words in own)
+        columns += [one for one in made if one]
+    return columns
+
+
+def _axis(time: NDArray[np.float64], columns: list[RawColumn], zero: int, notes: dict[str, None]) -> Axis:
+    """When the samples of channels were taken, as the times of a table are read; what was done to them is a note.
+
+    Args:
+        time: (n,) of the samples [s].
+        columns: the channels.
+        zero: of the time [ns].
+        notes: to add to.
 
     Raises:
         ImportingError: the times go back or do not rise.
     """
-    time, values = np.asarray(signal.timestamps, np.float64), np.asarray(signal.samples, np.float64)
-    rows = np.flatnonzero(np.isfinite(time))
+    rows, name = np.flatnonzero(np.isfinite(time)), columns[0].key
     stamps = zero + stamps_of(time[rows])
     if len(rows) > 2 and np.ptp(stamps) == 0:
         raise ImportingError(
-            f"all {len(rows)} samples of '{quoted(key, 60)}' have the same time: export the file again"
+            f"all {len(rows)} samples of '{quoted(name, 60)}' have the same time: export the file again"
         )
-    found = in_order(Axis(stamps, zero != 0, "", key, rows), [RawColumn(key, key, "", values)], len(time) - len(rows))
+    found = in_order(Axis(stamps, zero != 0, "", name, rows), columns, len(time) - len(rows))
     notes |= dict.fromkeys(found.notes)
     return found
