@@ -243,13 +243,11 @@ class ControlLoop:
             raise TrajectoryError(f"the boom is {state.value}: {why}; call ~/resume first")
         if missing := self._interlock.missing(now):
             raise TrajectoryError(missing)
-        sensor, limits = self.sensors.joint, self.supervision.settings
+        sensor, limits, idle = self.sensors.joint, self.supervision.settings, state is MotionState.IDLE
         angle = sensor.values[0]
-        idle = state is MotionState.IDLE
         request = Request(points, begin, present=Reference(angle) if idle else self.references.onward)
-        bounds = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance).from_where(
-            angle, request.present.angle
-        )
+        within = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance)
+        bounds = within.from_where(angle, request.present.angle)
         # a boom in motion goes on from its reference, which is that of the last cycle: a newer sample may wait for the next one
         trajectory, from_now = request.planned(angle, sensor.stamp, sensor.stamp if idle else self._time, bounds)
         self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")
