@@ -74,7 +74,7 @@ def _columns(
     """
     master = file.masters_db.get(index)
     label = (getattr(group.channel_group, "acq_name", "") or "").strip()
-    found: dict[bytes, list[tuple[RawColumn, str]]] = {}
+    found: dict[bytes, list[RawColumn]] = {}
     for number, channel in enumerate(group.channels):
         if number == master or master is None or sum(map(len, found.values())) >= most:
             continue
@@ -84,11 +84,11 @@ def _columns(
         key = unique(f"{label}/{channel.name}" if label else channel.name, taken)
         words = " ".join(part for part in (label, channel.name, signal.comment or "") if part)[:200]
         raw = RawColumn(key, words, signal.unit or "", np.asarray(signal.samples, np.float64))
-        found.setdefault(np.asarray(signal.timestamps, np.float64).tobytes(), []).append((raw, words))
+        found.setdefault(np.asarray(signal.timestamps, np.float64).tobytes(), []).append(raw)
     columns: list[Column] = []
     for time, own in found.items():
-        axis = _axis(np.frombuffer(time), [raw for raw, _ in own], zero, notes)
-        made = (column(raw.key, words, raw.unit, axis.stamps_ns, raw.values[axis.rows]) for raw, words in own)
+        axis = _axis(np.frombuffer(time), own, zero, notes)
+        made = (column(raw.key, raw.name, raw.unit, axis.stamps_ns, raw.values[axis.rows]) for raw in own)
         columns += [one for one in made if one]
     return columns
 
