@@ -50,6 +50,8 @@ SLOPE = 0.01
 """s. To either side over which the slope of a channel is taken."""
 EARLIEST = 0.05
 """Of an interval, that a sample is behind its beginning."""
+AROUND = 10.0
+"""s. Longer than any delay: inputs are held before their first sample and behind their last."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
 
@@ -59,12 +61,18 @@ def at_stamps(signal: Signal, late: float | Array) -> Array:
 
     The slope keeps the samples' noise; what lies between samples has less of it, and would be likelier half a sample off.
     """
+    values = signal.values[signal.valid]
+    return np.asarray(values + late * slopes(signal)) if np.any(late) else values
+
+
+def slopes(signal: Signal) -> Array:
+    """Dy/dt of the valid values of a channel at their stamps, over ``SLOPE`` and their next ones at least."""
     time, values = signal.time[signal.valid], signal.values[signal.valid]
-    if not (len(values) and np.any(late)):
-        return values
-    apart = max(SLOPE, float(np.median(np.diff(time))) if len(time) > 1 else SLOPE)
+    if len(time) < 2:
+        return np.zeros_like(values)
+    apart = max(SLOPE, float(np.median(np.diff(time))))
     before, after = (np.interp(time + side * apart, time, values) for side in (-1.0, 1.0))
-    return np.asarray(values + late * (after - before) / (2.0 * apart))
+    return np.asarray((after - before) / (2.0 * apart))
 
 
 @dataclass(frozen=True)
@@ -94,6 +102,9 @@ class Bag:
     plants: list[tuple[Machine, frozenset[str], Plant]] = field(default_factory=list, compare=False, repr=False)
     gains: Recent[KalmanGains] = field(default_factory=lambda: Recent(GAINS), compare=False, repr=False)
     trajectories: Recent[Linearised] = field(default_factory=lambda: Recent(TRAJECTORIES), compare=False, repr=False)
+    taken: Recent[tuple[NDArray[np.int64], Array, Array, Array]] = field(
+        default_factory=lambda: Recent(2 * len(OUTPUTS)), compare=False, repr=False
+    )
 
     @property
     def name(self) -> str:
@@ -143,19 +154,25 @@ class Bag:
         """
         shape = (len(self.grid) - 1, len(OUTPUTS))
         share, measured = np.zeros(shape), np.full(shape, np.nan)
-        for j, name in enumerate(OUTPUTS):
-            signal = self.recording.signals[name]
-            time = signal.time[signal.valid] - (pressure_delay if PRESSURES[j] else 0.0)
-            k = self._numbered(time)
-            inside = (k >= 0) & (k < len(measured))
-            k, time = k[inside], time[inside]
-            late = clocks[j] if clocks else 0.0
-            lies = (time - self.grid[k]) / PERIOD
+        for j, late in enumerate(clocks or (0.0,) * len(OUTPUTS)):
+            k, lies, values, along = self._taken(j, pressure_delay if PRESSURES[j] else 0.0)
             share[k, j] = lies - np.clip(late / PERIOD, np.minimum(0.0, lies - 1.0), np.maximum(0.0, lies - EARLIEST))
-            beyond = np.zeros(len(inside))
-            beyond[inside] = late - PERIOD * (lies - share[k, j])
-            measured[k, j] = at_stamps(signal, beyond)[inside]
+            measured[k, j] = values + (late - PERIOD * (lies - share[k, j])) * along
         return Samples(self.grid, share, measured, self.grid[:-1], self._mean_currents(command_delay))
+
+    def _taken(self, channel: int, delay: float) -> tuple[NDArray[np.int64], Array, Array, Array]:
+        """Of the valid samples of a channel, ``delay`` [s] late: interval, where in it (0 to 1), value and slope."""
+
+        def made() -> tuple[NDArray[np.int64], Array, Array, Array]:
+            signal = self.recording.signals[OUTPUTS[channel]]
+            time = signal.time[signal.valid] - delay
+            k = self._numbered(time)
+            inside = (k >= 0) & (k < len(self.grid) - 1)
+            k = k[inside]
+            lies = (time[inside] - self.grid[k]) / PERIOD
+            return k, lies, signal.values[signal.valid][inside], slopes(signal)[inside]
+
+        return self.taken.get((channel, delay), made)
 
     def _numbered(self, time: Array) -> NDArray[np.int64]:
         """Interval of each sample."""
@@ -169,18 +186,19 @@ class Bag:
         When between two samples a current changed is not known (``timing``); the mean moves it by less than that, and spares
         the model a step at every stamp.
         """
-        count = len(CURRENTS)
-        commanded = self._means(self.currents.time + delay, self.currents.values[:, :count])
-        others = self._means(self.currents.time, self.currents.values[:, count:])
-        return np.ascontiguousarray(np.hstack((commanded, others)))
-
-    def _means(self, time: Array, values: Array) -> Array:
-        if values.shape[1] == 0:
-            return np.zeros((len(self.grid) - 1, 0))
-        knots = np.concatenate([[min(self.grid[0], time[0]) - 1.0], time[1:], [max(self.grid[-1], time[-1]) + 1.0]])
-        integral = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(np.diff(knots)[:, None] * values, axis=0)])
-        at = np.stack([np.interp(self.grid, knots, column) for column in integral.T], axis=-1)
+        knots, integral = self._integral
+        late = [delay if k < len(CURRENTS) else 0.0 for k in range(integral.shape[1])]
+        at = np.stack([np.interp(self.grid - by, knots, y) for by, y in zip(late, integral.T, strict=True)], axis=-1)
         return np.asarray(np.diff(at, axis=0) / np.diff(self.grid)[:, None])
+
+    @cached_property
+    def _integral(self) -> tuple[Array, Array]:
+        """When the held currents and other inputs change [s], and their integrals (m + 1, NU) there."""
+        time, values = self.currents.time, self.currents.values
+        knots = np.concatenate(
+            [[min(self.grid[0], time[0]) - AROUND], time[1:], [max(self.grid[-1], time[-1]) + AROUND]]
+        )
+        return knots, np.vstack((np.zeros_like(values[:1]), np.cumsum(np.diff(knots)[:, None] * values, axis=0)))
 
     @cached_property
     def lacking(self) -> frozenset[str]:

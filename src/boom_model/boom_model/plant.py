@@ -10,11 +10,9 @@ import ctypes
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
 from math import isfinite
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -123,21 +121,18 @@ class Plant(CompiledModel):
         inputs (NU,) that act, by default none: they tell where the other joints stand. One pressure that was not measured balances
         the other one; behind a valve that holds the load, and where none was measured, it is that of the tank.
         """
-        p, e = self._components(parameters)
-        hose_pressure, rod_pressure = self._balanced(angle, hose_pressure, rod_pressure, parameters, inputs)
-        values = {"angle": angle, "rod_pressure": rod_pressure, "hose_pressure": hose_pressure}
-        values["head_pressure"] = hose_pressure
-        if self.holds:
-            values["head_pressure"] = max(self._carrying(angle, rod_pressure, parameters, inputs), hose_pressure)
-        return np.array([float(value) for value in rest.settled(self.equations, values, p, e)])
+        p = self.p if parameters is None else parameters
+        hose_pressure, rod_pressure = self._balanced(angle, hose_pressure, rod_pressure, p, inputs)
+        head = max(self._carrying(angle, rod_pressure, p, inputs), hose_pressure) if self.holds else hose_pressure
+        return rest.evaluated(rest.settled_function(self.equations), [angle, hose_pressure, head, rod_pressure], p)
 
     def _balanced(
-        self, angle: float, hose: float, rod: float, parameters: Array | None, inputs: ArrayLike | None
+        self, angle: float, hose: float, rod: float, parameters: Array, inputs: ArrayLike | None
     ) -> tuple[float, float]:
         """p_h, p_b [Pa], of which one that is NaN follows from the other one."""
         if isfinite(hose) and isfinite(rod):
             return hose, rod
-        p = dict(zip(self.parameter_names, self.p if parameters is None else parameters, strict=True))
+        p = dict(zip(self.parameter_names, parameters, strict=True))
         tank = float(p["fluid.p_t"])
         if not isfinite(rod):
             lacking = hose - self._carrying(angle, 0.0, parameters, inputs)  # of p_a: what p_b holds against
@@ -152,13 +147,8 @@ class Plant(CompiledModel):
     ) -> float:
         """:func:`rest.carrying` [Pa] at an angle [rad] and a rod pressure [Pa]."""
         u = np.zeros(len(self.machine.structure.inputs)) if inputs is None else np.asarray(inputs)
-        return float(self._carrying_function(angle, rod_pressure, self.p if parameters is None else parameters, u))
-
-    @cached_property
-    def _carrying_function(self) -> Any:
-        m, at = self.equations, (ca.SX.sym("angle"), ca.SX.sym("rod_pressure"))
-        u = ca.SX.sym("u", m.u.numel())
-        return ca.Function("carrying", [*at, m.p, u], [rest.carrying(m, *at, u)])
+        p = self.p if parameters is None else parameters
+        return float(rest.evaluated(rest.carrying_function(self.equations), [angle, rod_pressure], p, u)[0])
 
     def rest_state_measured(
         self, angle: float, hose_pressure: float, rod_pressure: float, parameters: Array | None = None,
