@@ -13,6 +13,7 @@ import pytest
 from boom_controller.controller import Settings
 from boom_controller.loop.control_loop import ControlLoop
 from boom_controller.loop.cycle import Cycle
+from boom_controller.references.joint_trajectory import TrajectoryPoint
 from boom_controller.supervision.state_machine import MotionState
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_model.machine import Machine
@@ -31,13 +32,16 @@ def machine() -> Machine:
 class Crane:
     """The loop around the crane, lifting at 0.05 rad/s. Commands act ``dead_time`` [s] after the samples, which is told or not."""
 
-    def __init__(self, machine: Machine, mode: str, dead_time: float = 0.0, told: bool = True) -> None:
+    def __init__(
+        self, machine: Machine, mode: str, dead_time: float = 0.0, told: bool = True, pose: tuple[float, float] = (0.28, 2.2),
+        angle: float = 0.3,
+    ) -> None:  # fmt: skip
         self.dead_time, self.told = dead_time, told
-        self.wanted: Callable[[float], float] = lambda time: 0.3 + 0.05 * time
-        pose = machine.pose(0.28, 2.2, 0.0)
-        self.crane = SimulatedCrane(machine, pose, CraneStart(0.3), IDEAL)
+        self.wanted: Callable[[float], float] | None = lambda time: 0.3 + 0.05 * time
+        there = machine.pose(*pose, 0.0)
+        self.crane = SimulatedCrane(machine, there, CraneStart(angle), IDEAL)
         self.loop = ControlLoop(mode, Settings(), SupervisionSettings())
-        self.loop.configure(machine, pose)
+        self.loop.configure(machine, there)
         self.cycles: list[Cycle] = []
 
     def run(self, seconds: float) -> list[Cycle]:
@@ -45,7 +49,8 @@ class Crane:
         for _ in range(round(seconds / PERIOD)):
             s, loop = self.crane.sample, self.loop
             now = s.time + (self.dead_time if self.told else 0.0)
-            loop.stream(self.wanted(s.time), now)
+            if self.wanted:
+                loop.stream(self.wanted(s.time), now)
             loop.joint(s.angle, s.rate, s.time, s.time)
             loop.hose_pressure(s.hose_pressure, s.time, s.time)
             loop.rod_pressure(s.rod_pressure, s.time, s.time)
@@ -97,6 +102,56 @@ def test_another_control_law_takes_over_in_motion_without_a_jump(machine: Machin
     assert jump <= usual + 0.03
     assert all(c.state is MotionState.TRACK for c in after)
     assert abs(after[-1].reference.angle - after[-1].measurement.angle) < 5e-3
+
+
+def moved(crane: Crane, to: float, seconds: float) -> list[Cycle]:
+    """A goal, and two seconds more."""
+    here = (
+        crane.loop.references.present.angle if crane.cycles[-1].state is MotionState.HOLD else crane.crane.sample.angle
+    )
+    crane.loop.start(
+        [TrajectoryPoint(0.0, here, 0.0, 0.0), TrajectoryPoint(seconds, to, 0.0, 0.0)], crane.crane.sample.time
+    )
+    return crane.run(seconds + 2.0)
+
+
+def farthest(cycles: list[Cycle]) -> float:
+    """The largest error of the angle [rad]."""
+    return max(abs(c.reference.angle - c.measurement.angle) for c in cycles)
+
+
+@pytest.mark.parametrize("before", ["baseline", "simple"])
+@pytest.mark.parametrize("at", [0.6, 1.2])
+def test_improved_takes_over_a_boom_in_fast_motion_with_its_valve_open(
+    machine: Machine, before: str, at: float
+) -> None:
+    def run(change: bool) -> list[Cycle]:
+        crane = Crane(machine, before)
+        crane.wanted = None
+        crane.run(0.5)
+        crane.loop.start(
+            [TrajectoryPoint(0.0, 0.3, 0.0, 0.0), TrajectoryPoint(3.0, 0.7, 0.0, 0.0)], crane.crane.sample.time
+        )
+        crane.run(at)
+        if change:
+            crane.loop.change(mode="improved")
+        return crane.run(4.0)
+
+    assert farthest(run(change=True)) < farthest(run(change=False)) + 5e-3
+
+
+@pytest.mark.parametrize(("low", "high", "seconds"), [(1.0, 1.4, 3.0), (1.2, 1.5, 3.0), (0.9, 1.4, 2.0)])
+def test_a_folded_boom_that_hardly_presses_on_its_cylinder_is_lifted_without_swinging(
+    machine: Machine, low: float, high: float, seconds: float
+) -> None:
+    crane = Crane(machine, "improved", pose=(4.5, 0.0), angle=high)
+    crane.wanted = None
+    crane.run(0.5)
+    for to in (low, high):
+        cycles = moved(crane, to, seconds)
+        assert not any("oscillation" in c.output.note for c in cycles)
+        assert cycles[-1].state is MotionState.HOLD
+        assert farthest(cycles) < 7e-3
 
 
 @pytest.mark.parametrize("mode", MODES)

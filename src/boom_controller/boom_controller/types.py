@@ -88,7 +88,7 @@ class Controller(Protocol):
     mode: str
 
     def reset(self, measurement: Measurement) -> None:
-        """Start from rest here, bumpless: the integral states are set so that the boom holds."""
+        """Start here, bumpless: a boom at rest is held, and one that moves has been moved like this for long."""
 
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """Advance by one sample time of the settings; ``measurement`` is the newest, and the currents act until the next step."""

@@ -59,7 +59,7 @@ class Boom:
     def __init__(self, loop: ControlLoop, machine: Machine, pose: Pose) -> None:
         self.loop, self.machine, self.pose = loop, machine, pose
         self.now, self.angle, self.rate = 100.0, 0.3, 0.0
-        self.hose = 8e6
+        self.hose, self.clock = 8e6, 0.0
         self.loop.configure(machine, pose)
         self.cycles: list[Cycle] = []
         self.wanted: Callable[[float], float] | None = None
@@ -69,7 +69,7 @@ class Boom:
         self.push = 0.0
 
     def period(self) -> Cycle:
-        stamp = self.now - 90.0
+        stamp = self.now - 90.0 + self.clock
         if self.wanted is not None:
             self.loop.stream(self.wanted(self.now), self.now)
         if "joint" not in self.silent:
@@ -301,6 +301,45 @@ def test_a_sensor_of_angle_and_rate_that_is_stuck_in_motion_stops_the_boom_withi
     assert boom.until(MotionState.STOPPING) < 0.2
     boom.until(MotionState.STOPPED)
     assert boom.last.reason.startswith("sensor_stuck: the rate repeats ")
+
+
+def test_one_that_is_stuck_at_hold_stops_the_boom_though_its_noise_was_not_seen_before_the_first_motion(
+    boom: Boom,
+) -> None:
+    rng = np.random.default_rng(5)
+    boom.shown = lambda angle, rate: (angle, rate + float(rng.normal(0.0, 1.5e-3)))
+    boom.run(0.2)
+    boom.loop.start([TrajectoryPoint(0.0, boom.angle), TrajectoryPoint(1.0, 0.35)], boom.now)
+    boom.until(MotionState.HOLD)
+    boom.run(1.0)
+    frozen(boom)
+    boom.until(MotionState.STOPPED, 0.5)
+    assert boom.last.reason.startswith("sensor_stuck: the rate repeats ")
+
+
+@pytest.mark.parametrize("step", [0.3, -0.3])
+def test_a_clock_that_is_set_in_motion_stops_the_boom_and_it_goes_on_once_asked(boom: Boom, step: float) -> None:
+    lifting(boom)
+    before = boom.last.reference.angle
+    boom.clock = step
+    boom.until(MotionState.STOPPED, 0.5)
+    assert boom.last.reason.startswith("clock_set: the stamps of the angle went ")
+    assert abs(boom.angle - before) < 0.02
+    boom.run(1.0)
+    assert boom.loop.resume(boom.now)[0]
+    boom.loop.start([TrajectoryPoint(0.0, boom.angle), TrajectoryPoint(1.0, 0.4)], boom.now)
+    boom.until(MotionState.HOLD)
+    assert boom.angle == pytest.approx(0.4, abs=5e-3)
+
+
+def test_an_angle_that_jumps_in_motion_is_not_used_and_stops_the_boom(boom: Boom) -> None:
+    lifting(boom)
+    there = boom.angle
+    boom.shown = lambda angle, rate: (angle + 0.035, rate)
+    boom.until(MotionState.STOPPED, 0.5)
+    assert boom.last.reason.startswith("sensors_disagree: the angle jumped by 35 mrad from one sample to the next")
+    assert abs(boom.angle - there) < 0.02
+    assert boom.loop.resume(boom.now)[0]  # at rest it may have been mounted anew
 
 
 def test_one_that_is_stuck_at_rest_lets_no_motion_begin(boom: Boom) -> None:

@@ -54,6 +54,38 @@ def test_one_bad_sample_is_left_out_and_three_in_a_row_are_a_reason(value: float
     assert made.finding(10.04, 0.05, 3) is None
 
 
+@pytest.mark.parametrize(("step", "said"), [(0.5, "forward by 0.5 s"), (-3600.0, "back by 3.6e+03 s")])
+def test_a_clock_that_was_set_is_told_for_a_second_and_its_new_stamps_count(step: float, said: str) -> None:
+    made = sensor()
+    made.take((5e6,), 1.0, 10.0)
+    for k in range(1, 5):  # of stamps that go back the first may have been overtaken
+        made.take((5e6 + k,), 1.0 + step + 0.01 * k, 10.0 + 0.01 * k)
+    assert made.values == (5e6 + 4,)
+    finding = made.finding(10.04, 0.05, 3)
+    assert finding is not None and finding.reason == "clock_set" and said in finding.text
+    for k in range(5, 120):
+        made.take((5e6,), 1.0 + step + 0.01 * k, 10.0 + 0.01 * k)
+    assert made.finding(11.2, 0.05, 3) is None
+
+
+def test_samples_that_were_overtaken_are_no_clock_that_was_set() -> None:
+    made = sensor()
+    for k in range(1, 20):
+        made.take((5e6,), 0.01 * k, 10.0 + 0.01 * k)
+        for late in range(1, 4):
+            assert not made.take((4e6,), 0.01 * (k - late), 10.0 + 0.01 * (k - late))
+    assert made.finding(10.19, 0.05, 3) is None
+
+
+def test_what_the_boom_did_while_no_sample_came_is_no_disagreement_and_a_jump_of_the_angle_is_told() -> None:
+    agreement = Agreement(10.0)
+    agreement.update(0.0, 0.3, 0.2)
+    assert agreement.update(2.0, 0.3, 0.0) == 0.0
+    assert agreement.jump(2.01, 0.335, 0.0) == pytest.approx(0.035)
+    assert agreement.jump(2.5, 0.335, 0.0) == 0.0  # the boom may have done that
+    assert agreement.jump(2.01, 0.302, 0.2) == pytest.approx(0.001)
+
+
 def drive(agreement: Agreement, rates: np.ndarray, shown: np.ndarray, measured: np.ndarray) -> float:
     """Largest |r| while angle and rate are shown as given."""
     return max(abs(agreement.update(0.01 * k, a, w)) for k, (a, w) in enumerate(zip(shown, measured, strict=True)))

@@ -43,10 +43,10 @@ class Past(NamedTuple):
     speeds: tuple[Expression, ...]
 
     @classmethod
-    def resting(cls, sample_time: float) -> Past:
-        """The valve has been closed for long."""
+    def steady(cls, position: float, speed: float, sample_time: float) -> Past:
+        """Nothing has changed for long."""
         count = round(LONGEST / sample_time) + 1
-        return cls((0.0,) * count, (0.0,) * count)
+        return cls((position,) * count, (speed,) * count)
 
     def with_next(self, position: Expression, speed: Expression) -> Past:
         """One sample time later."""

@@ -50,6 +50,12 @@ class DirectFollower:
         """Where the metering edges stand [m]: s_s but for play."""
         return self._play.edges(x.play, x.position)
 
+    def settled(self, edges: float, _closing: float, _s: Any) -> ValveState:
+        """As :meth:`ValveFollower.settled`."""
+        position = float(self._play.spool(0.0, edges))
+        retract, extend = (PilotState(0.0, max(sign * position / self._gain, 0.0)) for sign in (1.0, -1.0))
+        return ValveState(position, 0.0, position, float(self._play.after(0.0, position)), retract, extend)
+
     def reach(self, current: Expression) -> Expression:
         """How far a current [A] for long deflects the spool [m]."""
         return self._gain * current

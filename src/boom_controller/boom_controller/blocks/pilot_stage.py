@@ -98,6 +98,10 @@ class PilotValve:
         """One sample time under the current [A]."""
         return PilotState(self.phi * x.state + self.gamma * current, current)
 
+    def settled(self, current: float) -> PilotState:
+        """Under this current [A] for long."""
+        return PilotState(self.gamma / (1.0 - self.phi) * current, current)
+
     def drive(self, x: PilotState, output: Expression, s: Any) -> PilotState:
         """One sample time in which nu comes by its share 1 - exp(-T_s / pilot_response) nearer to ``output`` [A]."""
         now = self.output(x)

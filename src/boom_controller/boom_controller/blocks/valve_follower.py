@@ -83,6 +83,13 @@ class ValveFollower:
         )
         return ValveState(position, moving, target, self._play.after(x.play, position), retract, extend), plus, minus
 
+    def settled(self, edges: float, closing: float, s: Any) -> ValveState:
+        """With the edges at s_s [m] for long, against F_q [N]."""
+        position = float(self._play.spool(0.0, edges))
+        plus, minus = self._pilot.split((self._spring * position + closing) / self._area, s.neutral_pressure)
+        retract, extend = (self._valve.settled(float(self._pilot.current(side))) for side in (plus, minus))
+        return ValveState(position, 0.0, position, float(self._play.after(0.0, position)), retract, extend)
+
     def reach(self, current: Expression) -> Expression:
         """How far a current [A] for long deflects the spool [m]."""
         return self._pilot.pressure(current) / self._pilot.stiffness

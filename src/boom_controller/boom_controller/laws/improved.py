@@ -8,8 +8,9 @@ Every sample time (docs/control.md derives it):
    estimated stiffness and mass and f~ predicted over the valve's remaining lag (``state_feedback``); further ahead by the dead
    time, which is the sample's age and ``command_delay``;
 3. flow map: Sigma = K v + d/dt f_ff, solved for the spool position by (6.23) (``valve_map``) at pressures that are smoothed over
-   ``inverse_smoothing``: at the measured ones the spool follows each swing of the pressure one valve lag late, which takes from the
-   boom the damping that flow against pressure gives it, and it swings on its oil spring;
+   ``inverse_smoothing``, and less what the boom's swing, f_p beyond the wanted one against itself smoothed, adds to them. At the
+   measured ones the spool follows each swing of the pressure one valve lag late, which takes from the boom the damping that flow
+   against pressure gives it, and it swings on its oil spring; most of all where it hardly presses on the cylinder;
 4. dead zone: below ``dead_zone_speed`` the spool moves through it in proportion, ahead of a reference that starts or turns;
 5. currents through the inverse of spool and pilot stage (``valve_follower``).
 """
@@ -49,6 +50,8 @@ from boom_model.regularisation import Expression
 LAWS = {
     "improved": "the boom as a mass on an oil spring driven by the valve's flow; observers for load, oil and missing flow",
 }
+MOVES = 0.02
+"""rad/s. From here on a boom that is taken over moves: ten times the noise of a gyro."""
 CAVITATION = 3.0e5
 """Pa. Below this the rod side may draw oil through its anti-cavitation valve and gives no information on its compliance."""
 LOAD = ControlOutput._fields.index("estimated_load")
@@ -70,7 +73,7 @@ class ImprovedSettings(LawSettings):
         1.3, "rad", 0.1, 100.0, "turn of the oil spring within the dead time at which the damping is halved, improved"
     )
     preview: float = tunable(0.035, "s", 0.0, 0.2, "lead of the reference over the valve's remaining lag, improved")
-    remaining_lag: float = tunable(0.015, "s", 0.0, 0.2, "lag over which the force is predicted, improved")
+    remaining_lag: float = tunable(0.015, "s", 0.0, 0.1, "lag over which the force is predicted, improved")
     command_delay: float = tunable(
         0.0,
         "s",
@@ -119,11 +122,19 @@ class Pressures(NamedTuple):
 
     hose: Expression = 0.0
     rod: Expression = 0.0
+    off: Expression = 0.0
+    """f_p beyond the wanted one, smoothed [N]."""
 
-    def towards(self, hose: Expression, rod: Expression, time_constant: Expression, t: Expression) -> Pressures:
-        """One sample time t [s] of a first-order lag."""
-        share = t / (time_constant + t)
-        return Pressures(self.hose + share * (hose - self.hose), self.rod + share * (rod - self.rod))
+    def towards(self, m: Measurement, off: Expression, head: Expression, rod: Expression, s: Any) -> Pressures:
+        """One sample time later, of first-order lags.
+
+        off: f_p beyond the wanted one [N], whose swing is taken out. head, rod: rise of p_a and fall of p_b with f_p where the boom
+        swings on its oil [1/m^2].
+        """
+        share = s.sample_time / (s.inverse_smoothing + s.sample_time)
+        slow = self.off + share * (off - self.off)
+        p_h, p_b = m.hose_pressure - head * (off - slow), m.rod_pressure + rod * (off - slow)
+        return Pressures(self.hose + share * (p_h - self.hose), self.rod + share * (p_b - self.rod), slow)
 
 
 class ImprovedState(NamedTuple):
@@ -166,22 +177,26 @@ class Improved:
         self._spread = deflection_sigma(machine, pose)
         self._start = ImprovedState(
             load=self._load.start,
-            past=Past.resting(settings.sample_time),
+            past=Past.steady(0.0, 0.0, settings.sample_time),
             held=Held.of(self._model.pressure_delay, settings.sample_time),
             delay=DeadTimeState.untold(settings.sample_time),
             spool=SpoolState.uncertain(self._spread),
         )
         self._law = FlatLaw(self.mode, self._start, self._after, SETTINGS, settings, self._load.gains(settings))
+        self._giving = self._giving_function()
         self._stop = GO
 
     def reset(self, measurement: Measurement) -> None:
-        """Start at rest: valve centred, nominal oil, no load beyond the configured one."""
+        """Start with nominal oil, no load beyond the configured one, the valve centred, or where it moves the boom like this."""
         shown = self._model.sample(measurement)
+        valve, past = self._moving(shown) if abs(shown.rate) > MOVES else (self._start.valve, self._start.past)
         load, there = self._load.resting(shown)
         hose, rod = shown.hose_pressure, shown.rod_pressure
         force = self._model.resting_force(there)
         self._law.start(
             self._start._replace(
+                valve=valve,
+                past=past,
                 load=load,
                 held=self._start.held.filled(there.angle, shown),
                 head=ChamberState(pressure=hose),
@@ -193,6 +208,24 @@ class Improved:
             )
         )
         self._stop = GO
+
+    def _moving(self, m: Measurement) -> tuple[ValveState, Past]:
+        """The valve that has given the boom its present rate for long."""
+        s = self._settings
+        numbers = m.angle, m.rate, m.hose_pressure, m.rod_pressure, s.largest_spool_position, s.dead_zone_speed
+        edges, speed, closing = (float(value) for value in self._giving(*numbers))
+        return self._valve.settled(edges, closing, s), Past.steady(edges, speed, s.sample_time)
+
+    def _giving_function(self) -> Any:
+        """Edges s_s [m] that give the boom its rate, v [m/s], F_q [N] there."""
+        given: list[Any] = [ca.SX.sym(f"given_{k}") for k in range(6)]
+        angle, rate, hose, rod, largest, slow = given
+        q = self._model.expressions(OperatingPoint(angle, rate, hose, rod, angle, rate, 0.0, 0.0, 0.0))
+        flows = self._map.flows(hose, rod, (q.rod_cushion, q.hose_cushion))
+        a, b = self._area_a * q.stiffness_line, self._area_b * q.stiffness_rod
+        speed, stiffness = q.jacobian * rate, a * self._area_a + b * self._area_b
+        edges = self._map.through_dead_zone(flows.spool(stiffness * speed, a, b, largest * self._stroke), speed, slow)
+        return ca.Function("giving", given, [edges, speed, flows.at(edges)[2]])
 
     def step(self, reference: Reference, measurement: Measurement) -> ControlOutput:
         """One sample time."""
@@ -234,8 +267,6 @@ class Improved:
         load = self._load.step(x.load, q, m, safe, s, known)
         rub = observe_friction(x.friction, q, load.load, s.sample_time)
         flows = self._map.flows(m.hose_pressure, m.rod_pressure, (q.rod_cushion, q.hose_cushion))
-        smooth = x.smooth.towards(m.hose_pressure, m.rod_pressure, s.inverse_smoothing, s.sample_time)
-        inverse = self._map.flows(smooth.hose, smooth.rod, (q.rod_cushion, q.hose_cushion))
         head_flow, rod_flow, _ = flows.at(position)
         supplied = head_flow / self._area_a, rod_flow / self._area_b
         head_flow, rod_flow = head_flow - q.leakage, rod_flow + q.leakage
@@ -251,6 +282,11 @@ class Improved:
         a = self._area_a * q.stiffness_line / head.ratio
         b = self._area_b * q.stiffness_rod / rod.ratio
         stiffness = a * self._area_a + b * self._area_b
+        off = ca.if_else(
+            through, q.force - q.feedforward_force, 0.0
+        )  # else the hose does not show what carries the boom
+        smooth = x.smooth.towards(m, off, a / stiffness, b / stiffness, s)
+        inverse = self._map.flows(smooth.hose, smooth.rod, (q.rod_cushion, q.hose_cushion))
         modelled = (a * head_flow - b * rod_flow) / stiffness
         missed = observe_missed_flow(x.missed, velocity, modelled, q.force, stiffness, safe, s)
         compressing = (q.force - x.missed.force) / (stiffness * s.sample_time)

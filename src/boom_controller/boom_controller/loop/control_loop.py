@@ -131,11 +131,11 @@ class ControlLoop:
             self._watch.settings, self._watch.angles = new, (low, high)
             self._angles = (low + new.angle_margin, high - new.angle_margin)
 
-    # ------------------------------------------------------------------------------------------------------------ samples
-
     def joint(self, angle: float, rate: float, stamp: float, measured: float) -> None:
         """Accept angle [rad] and rate [rad/s] with stamp [s] and time of measurement on the supervising clock [s]."""
-        self.sensors.take_joint(angle, rate, stamp, measured, at_rest=not self.supervision.moving)
+        s, resting = self.supervision, self.references.resting
+        held = resting and s.state is MotionState.HOLD
+        self.sensors.take_joint(angle, rate, stamp, measured, s.settings, at_rest=not s.moving, held=held)
 
     def hose_pressure(self, pressure: float, stamp: float, measured: float) -> None:
         """p_h [Pa gauge], like ``joint``."""
@@ -339,7 +339,7 @@ class ControlLoop:
             return
         assert self.law.controller is not None and self._watch is not None  # readiness was checked
         measurement = self.sensors.newest()
-        self.law.controller.reset(measurement)
+        self.law.controller.reset(measurement._replace(rate=0.0))  # the valve is closed, whatever moves the boom
         self._time = measurement.time
         self.references.reset(measurement.angle, self._time)
         self._watch.reset()

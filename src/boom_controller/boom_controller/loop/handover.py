@@ -32,7 +32,7 @@ class Handover:
         return self._done >= self._steps
 
     def reset(self, measurement: Measurement) -> None:
-        """Start from rest with the new law alone."""
+        """Start with the new law alone."""
         self._done = self._steps
         self.new.reset(measurement)
 

@@ -16,6 +16,8 @@ _BEYOND = (
 )
 _RATE = Range("rate", "rad/s", -3.0, 3.0)
 _PRESSURE = (-2.02e5, 6.0e7)  # Pa. Vacuum, to the accuracy of a transducer of 0 to 400 bar
+_JUMP = 0.25
+"""Of ``largest_disagreement``, that one sample of the angle may leave the one before against the rate: more is no boom's motion."""
 _DRIFT_T, _DRIFT = 10.0, 2.0
 """s, and times ``largest_disagreement``: an angle that leaves the gyro slowly. A gyro that is 10 % wrong stays below over 1 rad."""
 _NO_CHANGE = 1e-6  # rad/s
@@ -50,16 +52,31 @@ class SensorSet:
         """Set the range of the boom's angles, ``low`` to ``high`` [rad]. Forgets the samples of the angle."""
         self.joint = SupervisedSensor("angle", (Range("angle", "rad", low - _BEYOND, high + _BEYOND), _RATE))
 
-    def take_joint(self, angle: float, rate: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
-        """Accept angle [rad] and rate [rad/s]. at_rest: the valve is closed; what the gyro does then tells its noise."""
-        if self.joint.take((angle, rate), stamp, measured):
+    def take_joint(
+        self, angle: float, rate: float, stamp: float, measured: float, s: SupervisionSettings, *, at_rest: bool = False,
+        held: bool = False,
+    ) -> None:  # fmt: skip
+        """Accept angle [rad] and rate [rad/s].
+
+        at_rest: the valve is closed; what the gyro does then, or while the boom is ``held``, tells its noise. Unless at rest an
+        angle that jumps is not used.
+        """
+        jump, doubt = self._agreement.jump(stamp, angle, rate), None
+        if abs(jump) > _JUMP * s.largest_disagreement and not at_rest:
+            text = (
+                f"the angle jumped by {1e3 * jump:.0f} mrad from one sample to the next, which the rate does not show"
+            )
+            doubt = StopCause("sensors_disagree", text)
+        if self.joint.take((angle, rate), stamp, measured, doubt):
+            if self.joint.clock_set:
+                self._begin_again()
             self._stamps.append(stamp)
             turns = rate if abs(rate) > MOVES else 0.0
             turned, self._turned = turns * max(stamp - self._turned, 0.0), stamp
             self._agreement.update(stamp, angle, rate)
             self._drift.update(stamp, angle, rate)
             self._angle.take(angle, stamp, at_rest, turned)
-            self._gyro.take(rate, stamp, at_rest)
+            self._gyro.take(rate, stamp, at_rest or held)
 
     def take_hose(self, pressure: float, stamp: float, measured: float, *, at_rest: bool = False) -> None:
         """Accept p_h [Pa gauge], like :meth:`take_joint`."""
@@ -79,6 +96,10 @@ class SensorSet:
         """Start again: accept the next samples whatever their stamps."""
         for sensor in (self.joint, self.hose, self.rod, self.currents):
             sensor.forget()
+        self._begin_again()
+
+    def _begin_again(self) -> None:
+        """What is known from one sample to the next begins with the next one."""
         self._agreement.reset()
         self._drift.reset()
         self._turned = math.inf
@@ -144,8 +165,8 @@ class SensorSet:
     def finding(self, now: float, s: SupervisionSettings) -> StopCause | None:
         """The fault of the sensors at the time ``now`` [s], or None."""
         for sensor in (self.joint, self.hose, self.rod):
-            if now - sensor.measured > s.sensor_timeout or sensor.bad >= s.bad_samples:
-                return sensor.finding(now, s.sensor_timeout, s.bad_samples)
+            if cause := sensor.finding(now, s.sensor_timeout, s.bad_samples):
+                return cause
         if stuck := self._gyro.stuck:  # and the angle of the same message with it: at rest both agree
             text = (
                 f"the rate repeats {self.joint.values[1]:.4g} rad/s for {1e3 * stuck[0]:.0f} ms, by its noise at most "
@@ -153,7 +174,8 @@ class SensorSet:
             return StopCause("sensor_stuck", f"{text}{1e3 * stuck[1]:.0f} ms: is the sensor of angle and rate stuck?")
         if stuck := self._angle.stuck:
             text = f"the angle repeats {self.joint.values[0]:.4g} rad for {1e3 * stuck[0]:.0f} ms"
-            return StopCause("sensor_stuck", f"{text}: is its sensor stuck?")
+            turns = f", and the rate is {self.joint.values[1]:.3g} rad/s"
+            return StopCause("sensor_stuck", f"{text}{turns}: is the angle's sensor stuck, or is the rate wrong?")
         for watched, most in (
             (self._agreement, s.largest_disagreement),
             (self._drift, _DRIFT * s.largest_disagreement),

@@ -13,6 +13,13 @@ from boom_controller.supervision.reasons import StopCause
 
 MOVES = 0.02
 """rad/s. Ten times the noise of a gyro, and more than its bias: the boom really moves."""
+CLOCK_STEP, BACK, TOLD = 0.01, 3, 1.0
+"""s, by which stamps leave our clock from one sample to the next where a clock was set; samples in a row that are behind the one
+before, as it then goes; and s, for which this is told."""
+LONGEST_GAP = 0.5
+"""s, without a sample. Longer than any time-out: what the boom did meanwhile is not known."""
+FASTEST = 5.0
+"""rad/s^2. No boom changes its rate faster."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +44,7 @@ class SupervisedSensor:
         stamp: its time [s] by the sender's clock.
         measured: when the newest good sample was measured, by our clock [s]; minus infinity before the first.
         bad: samples in a row that were not used.
+        clock_set: by how much [s] the stamp of that sample left our clock against the one before; usually 0.
         fresh: a good sample came since ``fresh`` was cleared.
     """
 
@@ -47,15 +55,28 @@ class SupervisedSensor:
         self.stamp = -math.inf
         self.fresh = False
         self.measured = -math.inf
-        self.bad = 0
+        self.bad = self._behind = 0
+        self.clock_set = 0.0
+        self._set = (0.0, -math.inf)
         self._last_bad: StopCause | None = None
 
-    def take(self, values: tuple[float, ...], stamp: float, measured: float) -> bool:
-        """Accept a sample with its stamp [s] and its time of measurement on our clock [s]. False if it is not used."""
-        finding = self._wrong(values)
+    def take(self, values: tuple[float, ...], stamp: float, measured: float, doubt: StopCause | None = None) -> bool:
+        """Accept a sample with its stamp [s] and its time of measurement on our clock [s]. False if it is not used.
+
+        doubt: why it is not to be used though it is within its range.
+        """
+        finding = self._wrong(values) or doubt
         if finding is None:
-            if stamp <= self.stamp:
-                return False  # the same again, or overtaken: it makes nothing younger
+            step = (stamp - measured) - (self.stamp - self.measured) if self.measured > -math.inf else 0.0
+            step = step if abs(step) > CLOCK_STEP else 0.0
+            if (
+                stamp <= self.stamp
+            ):  # the same again, or overtaken, which makes nothing younger; or a clock was set back
+                self._behind = self._behind + 1 if step else 0
+                if self._behind < BACK:
+                    return False
+            self._set = (step, measured) if step else self._set
+            self.clock_set, self._behind = step, 0
             self.values, self.stamp, self.measured = values, stamp, measured
             self.fresh, self.bad = True, 0
             return True
@@ -71,6 +92,11 @@ class SupervisedSensor:
         """The fault of the sensor at the time `now` [s], or None."""
         if self.bad >= most_bad:
             return self._last_bad
+        step, when = self._set
+        if now - when < TOLD:
+            way = "forward" if step > 0.0 else "back"
+            text = f"the stamps of the {self.label} went {way} by {abs(step):.3g} s against the steady clock here"
+            return StopCause("clock_set", f"{text}: was the clock set?")
         age = now - self.measured
         if age > timeout:
             text = f"no {self.label} yet" if age == math.inf else f"the {self.label} is {1e3 * age:.0f} ms old"
@@ -108,6 +134,13 @@ class Agreement:
         self.apart = 0.0
         self._last: tuple[float, float, float] | None = None
 
+    def jump(self, time: float, angle: float, rate: float) -> float:
+        """By how much [rad] a sample leaves the one before, where neither rate nor any change of it in between explains that."""
+        before, angle_before, rate_before = self._last or (time, angle, rate)
+        dt = max(time - before, 0.0)
+        left = angle - angle_before - 0.5 * (rate + rate_before) * dt
+        return left if abs(left) > 0.5 * FASTEST * dt**2 else 0.0
+
     def update(self, time: float, angle: float, rate: float) -> float:
         """Update with a sample: time [s], angle [rad], rate [rad/s]. Returns r [rad]."""
         if self._last is not None:
@@ -116,7 +149,7 @@ class Agreement:
             if dt <= 0.0:
                 return self.apart
             # beyond T nothing is left of what was
-            moved = 0.5 * (rate + rate_before) * dt
+            moved = 0.5 * (rate + rate_before) * dt if dt <= LONGEST_GAP else angle - angle_before
             self.apart = (self.apart + moved - (angle - angle_before)) * math.exp(-dt / self.T)
         self._last = (time, angle, rate)
         return self.apart
