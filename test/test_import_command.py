@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from foreign_recordings import ASKS, KINDS, Data, data_of
 
 import boom_model
@@ -243,6 +244,29 @@ def test_the_bag_carries_the_name_of_its_machine_file(
     assert "./boom validate bare --q3 RAD --q4 M --load KG --machine FILE\n" in capsys.readouterr().out
     assert boom(*words, "--machine", "tz17", "--output", "no_pose") == 0  # a bag names no machine without a pose
     assert "./boom validate no_pose --q3 RAD --q4 M --load KG --machine tz17\n" in capsys.readouterr().out
+
+
+def test_a_machine_with_one_pose_tells_it_and_a_load_without_a_pose_is_not_lost_in_silence(
+    original: Data, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = yaml.safe_load((Path(boom_model.__file__).parent / "machines" / "tz17.yaml").read_text())
+    body = document["rigid_body"]
+    body["configs"] = {"only": body["configs"]["T3_extended"]}
+    for name in ("planar", "bodies"):
+        body.pop(name, None)
+    Path("one.yaml").write_text(yaml.safe_dump(document))
+    (file,) = KINDS["csv_german"](original, tmp_path)
+    words = ("import", str(file), "--yes", "--no-report", "--load", "220")
+    assert boom(*words, "--machine", "one.yaml", "--output", "with") == 0
+    assert "note: pose: q3 0.28 rad, q4 2.2 m, the only one of one.yaml" in capsys.readouterr().out
+    configuration = load(tmp_path / "with").configuration
+    assert (configuration.outer_boom_angle, configuration.telescope_length, configuration.load_mass) == (
+        0.28,
+        2.2,
+        220.0,
+    )
+    assert boom(*words, "--output", "without") == 0
+    assert "the load of 220 kg is not kept without a pose" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_given_load_replaces_the_recorded_one() -> None:

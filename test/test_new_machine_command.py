@@ -310,3 +310,12 @@ def test_an_answer_may_bear_its_unit_and_a_decimal_comma(given: str | float) -> 
 def test_an_answer_in_another_unit_is_refused() -> None:
     with pytest.raises(MachineError, match=r"closed_length: 1\.6 mm is no number"):
         BY_KEY["closed_length"].checked("1.6 mm")
+
+
+def test_a_compensator_keeps_the_drop_at_which_the_flows_of_the_data_sheet_hold(answers: Path, tmp_path: Path) -> None:
+    """59 l/min at 9 bar had become 56, as the margin stayed at 8."""
+    path = tmp_path / "crane.yaml"
+    words = ["--answers", str(answers), "--compensator", "yes", "--flow-drop", "9", "--no-manoeuvre"]
+    assert cli.main(["new-machine", *words, "--output", str(path)]) == 0
+    margin = load_machine(path).numbers.main_valve_orifices.dp_c
+    assert margin == pytest.approx(9.0e5)

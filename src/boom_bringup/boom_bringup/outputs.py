@@ -100,7 +100,9 @@ def default_report(command: str, bags: Sequence[str] = ()) -> Path:
     names = [_name(Path(bag)) for bag in bags]
     name = "-".join([command, *names[:1]])
     twice = any(other == names[0] for other in names[1:])
-    if twice or (names and names[0].lower() in _ANYBODYS):  # of another crane: its folder tells which
+    if twice or (
+        names and (len(names[0]) < 3 or names[0].lower() in _ANYBODYS)
+    ):  # of another crane: its folder tells which
         name = f"{command}-{os.path.basename(os.path.realpath(Path(bags[0]).parent))}-{names[0]}"
     more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
     path = checked(str(folder / f"{_short(name)}{more}.html"), "report", PAGE)

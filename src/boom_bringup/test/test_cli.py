@@ -363,6 +363,7 @@ def test_a_report_of_a_recording_with_anybodys_name_is_named_after_its_folder(tm
     monkeypatch.chdir(tmp_path)
     assert outputs.default_report("validate", ["crane_7/recording"]).name == "validate-crane_7-recording.html"
     assert outputs.default_report("validate", ["crane_7/steps"]).name == "validate-steps.html"
+    assert outputs.default_report("chain", ["crane_7/a"]).name == "chain-crane_7-a.html"
 
 
 def test_a_report_of_a_recording_with_a_long_name_has_one_that_a_file_system_takes(tmp_path, monkeypatch):

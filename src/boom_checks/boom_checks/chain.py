@@ -233,7 +233,10 @@ def chain_of_machine(recording: Recording, machine: Machine) -> RecordingChain:
     links: list[ChainLink] = []
     missing: list[tuple[str, str]] = []
     still = None
-    if repaired.known("angle", "rate"):
+    if repaired.known("angle", "rate") and any(check.kind == "derived_rate" for check in found):
+        repaired = repaired.with_columns({"rate": repaired.smooth("angle", 1)})  # what is logged is filtered, and lags
+        missing.append(("kinematics", "the recorded rate is derived from the angle, not measured"))
+    elif repaired.known("angle", "rate"):
         links.append(_kinematics(repaired, machine))
     else:
         missing.append(("kinematics", _why(recording, repaired, ("angle", "rate"))))

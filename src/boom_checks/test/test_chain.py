@@ -136,3 +136,17 @@ def test_the_load_holding_valve_that_a_machine_file_lacks_is_found() -> None:
     assert found.best is not None and found.best.opened_by == "rod pressure"
     assert found.best.held_out < 0.3
     assert next(law for law in found.laws if not law.opened_by).held_out > 0.45
+
+
+def test_a_rate_that_somebody_derived_and_filtered_breaks_no_kinematics() -> None:
+    """A logger's filter of 30 ms broke the link at 5.1 times what noise and tolerances leave."""
+    recording = load(BAGS / "healthy" / "extended")
+    angle = recording.signals["angle"]
+    step = float(np.median(np.diff(angle.time)))
+    slope, lagging = np.gradient(angle.values, angle.time), np.zeros(len(angle.time))
+    for k in range(1, len(slope)):
+        lagging[k] = lagging[k - 1] + step / (0.03 + step) * (slope[k] - lagging[k - 1])
+    recording.signals["rate"] = replace(angle, name="rate", unit="rad/s", values=lagging)
+    chain = chain_of_machine(recording, TZ17)
+    assert ("kinematics", "the recorded rate is derived from the angle, not measured") in chain.missing
+    assert all(link.ratio < 1.0 for link in chain.links)

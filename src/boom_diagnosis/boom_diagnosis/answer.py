@@ -197,7 +197,7 @@ def assemble(
         regimes.table(cells, case.select, tight.nominal, explained, case.healthy_squares), equations, agreement, proof.ladder,
         (learned.curve,) if learned else (), left_over, moved, experiment,
         (
-            *_said_of_wrong(case, moved), *unproved, *_said_of_limits(case, moved),
+            *_said_of_wrong(case, moved), *unproved, *_said_of_limits(case, verdict, moved),
             *([PLAINLY] if plainly else _said_of_less(case, machine)),
             *said_of_loads(case.machine, machine, handed_out), *proof.notes, *notes_of(case.bags, case.proving, weak),
             *_said_of_commands(case),
@@ -227,9 +227,14 @@ def _unseen(tight: _Tight, driven: Mapping[str, Sequence[float]], floor: Errors)
 
 
 def _nothing_told(case: Case, driven: Mapping[str, Sequence[float]], floor: Errors) -> bool:
-    """Whether nothing that was found is told from a sound machine, and no free run with parameters alone is far from the noise."""
+    """Whether nothing that was found is told from doing nothing, and no free run with parameters alone is far from the noise.
+
+    Where they are near the noise: nothing is told from what sound machines have, too.
+    """
     alone = {"explained": driven["parameters_only"]}
-    return not far_channels(alone, floor, NEAR_FLOOR) and not any(is_told(case, e, sound=True) for e in case.named)
+    near = not far_channels(alone, floor, NEAR_FLOOR)
+    told = any(is_told(case, e, sound=near) for e in case.named)
+    return not (told or far_channels(alone, floor, FAR_FROM_FLOOR))
 
 
 def _rivals(case: Case, ranked: Sequence[RankingRow]) -> list[tuple[str, Point]]:
@@ -490,13 +495,13 @@ def _subsystems(ranked: Sequence[RankingRow], findings: Sequence[Finding]) -> di
     return {name: round(p, 4) for name, p in result.items()}
 
 
-def _said_of_limits(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
+def _said_of_limits(case: Case, verdict: Verdict, moved: Mapping[str, Estimate]) -> list[str]:
     ended = [n.label or n.name for n, z in zip(case.nuisances, case.last.z, strict=True) if n.ended(float(z))]
     if not (ended and moved):
         return []
-    return [
-        f"{len(ended)} of {len(case.nuisances)} numbers{AT_THE_END}, which speaks against the explanation: {', '.join(ended)}"
-    ]
+    explained = case.taken or case.wrong or verdict == "parameters_only"
+    means = "which speaks against the explanation" if explained else "as they make up for what is missing"
+    return [f"{len(ended)} of {len(case.nuisances)} numbers{AT_THE_END}, {means}: {', '.join(ended)}"]
 
 
 def _said_of_wrong(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
@@ -531,8 +536,8 @@ def _said_of_less(case: Case, machine: Machine) -> list[str]:
 
 
 def _moved(case: Case, verdict: Verdict) -> dict[str, Estimate]:
-    """Numbers that the last fit moved, where that is told."""
-    if verdict != "parameters_only" and not (case.taken or case.wrong):
+    """Numbers that the last fit moved: those of the machine that is handed out."""
+    if verdict == "no_mismatch":
         return {}
     covariance = _covariance(case, case.last, case.taken[-1].fitted if case.taken else None)
     return moved_tolerances(case, case.last, np.sqrt(np.diag(covariance)), case.wrong)

@@ -61,7 +61,11 @@ SIZES = (4.0, 25.0, 150.0)
 def links(machine: Machine) -> tuple[Link, ...]:
     """The equations that a machine has. With no valve between hose and cylinder both are one volume, and one equation."""
     told = tuple(
-        replace(link, subsystems=tuple(s for s in link.subsystems if machine.structure.has(OFFERED.get(s, ""))))
+        replace(
+            link,
+            title=_title(link, machine),
+            subsystems=tuple(s for s in link.subsystems if machine.structure.has(OFFERED.get(s, ""))),
+        )
         for link in LINKS
     )
     if machine.structure.hose_burst_valve.separates:
@@ -70,6 +74,13 @@ def links(machine: Machine) -> tuple[Link, ...]:
     others = (subsystem for subsystem in head.subsystems if subsystem != "hose_burst_valve")
     joined = replace(head, title="flow into the head side", subsystems=(*hose.subsystems, *others))
     return tuple(joined if link is head else link for link in told if link is not hose)
+
+
+def _title(link: Link, machine: Machine) -> str:
+    """In the words of this machine."""
+    if link.key == "hose_flow" and not machine.structure.has("accumulators"):
+        return "flow into the hose"
+    return link.title.replace("hose burst", "load-holding") if machine.holds else link.title
 
 
 def places(machine: Machine) -> tuple[Link, ...]:

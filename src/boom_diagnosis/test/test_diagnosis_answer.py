@@ -249,13 +249,20 @@ def test_a_search_with_other_currents_counts_only_where_it_leaves_less(left: flo
 
 
 @pytest.mark.parametrize(
-    ("rod", "told", "expected"), [(0.015, {"a"}, False), (0.015, set(), True), (0.042, set(), False)]
-)
-def test_what_is_told_from_a_sound_machine_by_no_number_goes_where_parameters_alone_run_as_noise_lets_them(
-    monkeypatch: pytest.MonkeyPatch, rod: float, told: set[str], expected: bool
+    ("rod", "told", "expected"),
+    [
+        (0.015, {("a", True), ("a", False)}, False), (0.015, {("a", False)}, True),
+        (0.042, {("a", False)}, False), (0.042, set(), True), (0.1, set(), False),
+    ],
+)  # fmt: skip
+def test_what_no_number_tells_goes_where_parameters_alone_run_not_far_from_the_noise(
+    monkeypatch: pytest.MonkeyPatch, rod: float, told: set[tuple[str, bool]], expected: bool
 ) -> None:
-    """Pressures that came 10 ms late (6.8 to 13.5; sound: 7.5) stay: without it the rod pressure ran at 4.2 times the noise."""
-    monkeypatch.setattr(answer, "is_told", lambda _, effect, *, sound: effect in told)
+    """Pressures that came 10 ms late (6.8 to 13.5; sound: 7.5) stay: without it the rod pressure ran at 4.2 times the noise.
+
+    A leak of 0.1 l/min (-2.2 to 2.4) of a sound crane, whose angle ran at 3.6 times, does not.
+    """
+    monkeypatch.setattr(answer, "is_told", lambda _, effect, *, sound: (effect, sound) in told)
     case: Any = SimpleNamespace(named=("a", "b"))
     assert answer._nothing_told(case, {"parameters_only": (0.015, 0.015, 0.02, rod)}, (0.01,) * 4) == expected
 

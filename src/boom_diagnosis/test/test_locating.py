@@ -91,3 +91,13 @@ def test_what_is_missing_is_located_where_it_acts(effect: dict[str, dict[str, fl
     assert {row.key for row in rows} == set(inputs[0])
     stateful = {"effects.hose_burst_valve_lag.tau": 0.05}
     assert locating.locate(machine, case.bags, case.select, case.nuisances, at, stateful, [healthy], doubted=False)[2]
+
+
+def test_equations_are_called_after_what_the_machine_has() -> None:
+    loader, thesis = (
+        {link.key: link.title for link in locating.links(load_machine(name))} for name in ("loader_crane", "tz17")
+    )
+    assert loader["head_flow"] == "flow through the load-holding valve into the cylinder"
+    assert loader["hose_flow"] == "flow into the hose"
+    assert thesis["head_flow"] == "flow through the hose burst valve into the cylinder"
+    assert thesis["hose_flow"] == "flow into hose and accumulators"

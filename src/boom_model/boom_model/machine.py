@@ -174,6 +174,11 @@ class Machine:
         """The machine whose model is driven by the motion of the other joints, too (``joint_motion``)."""
         return replace(self, structure=replace(self.structure, moving_joints=True))
 
+    @property
+    def only_pose(self) -> Pose | None:
+        """The one tabulated pose of a machine without bodies, which has no other; None of any other machine."""
+        return self.tabulated[0] if len(self.tabulated) == 1 and "planar" not in self.document["rigid_body"] else None
+
     def pose(self, outer_boom_angle: float, telescope_length: float, load: float = 0.0) -> Pose:
         """D_0, S and tip for locked joints q_3 [rad], q_4 [m] and the load [kg] that hangs at the tip.
 

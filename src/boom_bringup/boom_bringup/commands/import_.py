@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from boom_import.assembly import Proposal
     from boom_import.source import Source
     from boom_import.timing import TimeChoice
+    from boom_model.machine import Machine
     from boom_recording.recording import Recording
 
 HELP = "turn CSV, MAT, MF4, .db3, ROS 1 and other foreign recordings into a bag"
@@ -103,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
         choice = given.time
     source = _read(args.files, choice)
     proposal = Proposal(given) if given is not None else propose(source, choice, args.joint or "")
-    _configure(proposal, args)
+    _configure(source, proposal, args)
     _show(source, proposal)
     command = arguments.command_line("import", *sys.argv[2:])
     if page is not None:
@@ -134,23 +135,32 @@ def _read(files: list[str], choice: TimeChoice) -> Source:
         return reading.read([Path(file) for file in files], choice, advance)
 
 
-def _configure(proposal: Proposal, args: argparse.Namespace) -> None:
-    mapping = proposal.mapping
-    mapping.machine = _name_of(args.machine) or mapping.machine
+def _configure(source: Source, proposal: Proposal, args: argparse.Namespace) -> None:
+    mapping, machine = proposal.mapping, _machine(args.machine)
+    mapping.machine = (machine.name if machine else args.machine) or mapping.machine
     mapping.joint = args.joint or mapping.joint
     for name in ("q3", "q4", "load"):
         value = getattr(args, name)
         if value is not None:
             setattr(mapping, name, value)
+    if (
+        machine
+        and source.configuration is None
+        and mapping.q3 is None
+        and mapping.q4 is None
+        and (pose := machine.only_pose)
+    ):
+        mapping.q3, mapping.q4 = pose.outer_boom_angle, pose.telescope_length
+        proposal.notes.append(f"pose: q3 {mapping.q3:g} rad, q4 {mapping.q4:g} m, the only one of {args.machine}")
 
 
-def _name_of(machine: str | None) -> str:
-    """The name by which the bag calls its machine: what a machine file says, else the word itself."""
-    if not machine or not Path(machine).is_file():
-        return machine or ""
+def _machine(file: str | None) -> Machine | None:
+    """The machine of a file; None for a name, by which a bag may call a machine that has none."""
+    if not file or not Path(file).is_file():
+        return None
     from boom_model.machine_file import load_machine
 
-    return load_machine(machine).name
+    return load_machine(file)
 
 
 def _show(source: Source, proposal: Proposal) -> None:
@@ -273,12 +283,12 @@ def _convert(args: argparse.Namespace, source: Source, proposal: Proposal) -> in
         areas = f"./boom chain {typable(str(output))} --areas A_A A_B"
         console.print(f"do so with its areas in m^2, head and rod side: {areas}", soft_wrap=True)
     elif not any(name in ESSENTIAL for name in missing):
-        for line in _next(args.machine, recording, output):
+        for line in _next(args.machine, args.load, recording, output):
             console.print(line, soft_wrap=True)
     return 0
 
 
-def _next(machine: str | None, recording: Recording, output: Path) -> list[str]:
+def _next(machine: str | None, load: float | None, recording: Recording, output: Path) -> list[str]:
     """What the bag does not say, and the command to type next, with the options that it then needs."""
     from boom_model.machine_file import shipped_machines
 
@@ -286,7 +296,8 @@ def _next(machine: str | None, recording: Recording, output: Path) -> list[str]:
     lines, words = [], ["./boom", "validate", typable(str(output))]
     named = known.machine if known else ""
     if known is None:
-        lines.append("note: pose and load are not known: every command that needs them takes them as options")
+        lost = f"; the load of {load:g} kg is not kept without a pose" if load is not None else ""
+        lines.append(f"note: pose and load are not known: every command that needs them takes them as options{lost}")
         words.append("--q3 RAD --q4 M --load KG")
     if known is None and machine:
         lines.append(

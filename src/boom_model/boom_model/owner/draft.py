@@ -24,7 +24,6 @@ BAR, LPM, MILLI = 1e5, 1 / 60_000, 1e-3
 DENSITY, COEFFICIENT = 870.0, 0.65
 STROKE = 8.0e-3
 """m. Of a spool that no sensor sees: only shares of it act."""
-MARGIN = 8 * BAR
 VENTED = 0.1
 """Of the area of an edge: vented spools throttle what they vent."""
 BODY = {"masses": 0.2, "urdf": 0.06, "numbers": 0.1}
@@ -252,7 +251,16 @@ def _edges(n: Mapping[str, float], *, compensator: bool, vented: bool) -> list[E
         Entry("x_n", 0.0, "-", "assumed", {"abs": 0.04}, "neutral off-centre"),
         *(_vent(n, overlap) if vented else []),
         *(
-            [Entry("dp_c", MARGIN, "Pa", "assumed", {"factor": 1.5}, "margin of the compensator")]
+            [
+                Entry(
+                    "dp_c",
+                    drop * BAR,
+                    "Pa",
+                    "flow_drop",
+                    {"factor": 1.5},
+                    "margin of the compensator: what the flows hold at",
+                )
+            ]
             if compensator
             else []
         ),
