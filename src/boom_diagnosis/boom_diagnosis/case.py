@@ -39,7 +39,7 @@ class Opened:
     """A number of the machine file as if nothing were known of it, fitted with tolerances alone.
 
     rest: loss per innovation over that of a healthy machine. away: logarithm of the number over the file's; within: standard
-    deviation of that.
+    deviation of that. strained: tolerances that stand at their ends beside it.
     """
 
     number: Nuisance
@@ -47,6 +47,7 @@ class Opened:
     rest: float
     away: float
     within: float
+    strained: int = 0
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """One number of the machine file that is wrong: a bore mistyped, the data sheet of another cylinder.
 
-Its tolerance is right for what the owner meant. Where neither tolerances nor effects explain the recordings, or only with several
-numbers of effects beside tolerances that stand at their ends, each number is looked at as if nothing were known of it: linearly
+Its tolerance is right for what the owner meant. Where neither tolerances nor effects explain the recordings, or effects only beside
+tolerances that stand at their ends, each number is looked at as if nothing were known of it: linearly
 from where the tolerances end, and the most promising are fitted beside all tolerances. One is taken where it explains nearly all
 that the tolerances leave, and more than the effects that were found, or as much: it is simpler than they. One that explains all
 is taken before anything is looked for beside a first effect. Of several that do as well the one that is least off is told, with
@@ -39,7 +39,7 @@ def with_wrong_number(case: Case) -> Case | None:
     if case.learned or case.wrong or (left < NEGLIGIBLE and not _laboured(case)):
         return None
     most = min(left, max(NEGLIGIBLE, NEARLY_ALL * case.rest(case.kept(0))))
-    return _wrong(case, left + TOO_SMALL if left < NEGLIGIBLE else most)
+    return _wrong(case, left + TOO_SMALL, strained=_ended(case)) if left < NEGLIGIBLE else _wrong(case, most)
 
 
 def with_number_that_explains_all(case: Case) -> Case | None:
@@ -47,14 +47,17 @@ def with_number_that_explains_all(case: Case) -> Case | None:
     return None if case.wrong or case.rest(case.last) < NEGLIGIBLE else _wrong(case, NEGLIGIBLE)
 
 
-def _wrong(case: Case, most: float) -> Case | None:
-    """The case with the number that leaves less than ``most`` and is off by less than others that leave no more."""
+def _wrong(case: Case, most: float, *, strained: float = inf) -> Case | None:
+    """The case with the number that leaves less than ``most`` and is off by less than others that leave no more.
+
+    strained: more tolerances than beside it must stand at their ends.
+    """
     if case.opened is None:
         numbers = (*case.nuisances, *known(case.machine, case.pose))
         every = replace(case, nuisances=(*numbers, *masses(numbers), *bore(numbers)))
         tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(case, every)]
         case.opened = in_parallel(lambda pair: _fitted(*pair, case.floor), tried)
-    able = [o for o in case.opened if o.rest < most and _wrong_for_sure(o)]
+    able = [o for o in case.opened if o.rest < most and _wrong_for_sure(o) and o.strained < strained]
     if not able:
         return None
     least = min(o.rest for o in able)
@@ -71,9 +74,13 @@ def _wrong_for_sure(opened: Opened) -> bool:
 
 
 def _laboured(case: Case) -> bool:
-    """Whether what explains all has several numbers of effects, and tolerances at their ends beside them."""
-    several = bool(case.taken) and len(case.taken[-1].fitted.coordinates) > 1
-    return several and bool(case.ended(case.last).any())
+    """Whether effects explain all, but with tolerances at their ends beside them."""
+    return bool(case.taken) and _ended(case) > 0
+
+
+def _ended(case: Case) -> int:
+    """How many tolerances stand at their ends."""
+    return int(case.ended(case.last).sum())
 
 
 def in_words(wrong: Sequence[str], instead: Sequence[str] = ()) -> str:
@@ -121,5 +128,7 @@ def _fitted(number: Nuisance, case: Case, floor: float) -> Opened:
     case.floor = floor
     fits, guess = Fits(case.machine, case.bags, case.select, case.nuisances), case.nominal.tolerances
     _, point, jacobian = fits.settled(fits.likeliest(guess.z, {}), guess, ())
-    spread = of_tolerances(point, jacobian, (), COLDEST, case.ended(point))[0, 0]
-    return Opened(number, case, case.rest(point), ANYTHING * float(point.z[0]), ANYTHING * sqrt(float(spread)))
+    ended = case.ended(point)
+    spread = of_tolerances(point, jacobian, (), COLDEST, ended)[0, 0]
+    away, within = ANYTHING * float(point.z[0]), ANYTHING * sqrt(float(spread))
+    return Opened(number, case, case.rest(point), away, within, int(ended.sum()))

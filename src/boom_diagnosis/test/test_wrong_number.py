@@ -55,9 +55,10 @@ def test_masses_that_are_all_wrong_by_one_factor_are_told_as_that() -> None:
     assert headline(result).startswith("pose.D0, pose.Sx and pose.Sy are wrong in the machine file, all by one factor")
 
 
-def opened(name: str, rest: float, away: float, within: float = 0.01) -> Opened:
+def opened(name: str, rest: float, away: float, within: float = 0.01, strained: int = 0) -> Opened:
     number = Nuisance(name, 0.01)
-    return Opened(number, Case(None, None, [], [], [], [], [], (number,), 0, wrong=(name,)), rest, away, within)  # type: ignore[arg-type]
+    case = Case(None, None, [], [], [], [], [], (number,), 0, wrong=(name,))  # type: ignore[arg-type]
+    return Opened(number, case, rest, away, within, strained)
 
 
 def test_of_numbers_that_explain_as_much_the_one_that_is_least_off_is_wrong_and_the_others_are_told() -> None:
@@ -72,6 +73,17 @@ def test_of_numbers_that_explain_as_much_the_one_that_is_least_off_is_wrong_and_
     assert found.or_wrong == ((("kinematics.L2",), pytest.approx(exp(-0.36))),)
     assert wrong_number._wrong(case, -0.01) is None
     assert in_words(found.wrong, ["kinematics.L2"]) == "kinematics.L1 or kinematics.L2 is wrong in the machine file"
+
+
+@pytest.mark.parametrize(("beside_it", "beside_the_effect", "wrong"), [(0, 1, True), (1, 1, False), (1, 2, True)])
+def test_a_number_is_wrong_instead_of_an_effect_that_explains_all_where_it_strains_fewer_tolerances(
+    beside_it: int, beside_the_effect: int, wrong: bool
+) -> None:
+    """An angle sensor askew by 22 mrad, beside a moment at its end, explained a pin that was 63 mm elsewhere; so does the pin."""
+    case = Case(None, None, [], [], [], [], [], (), 0)  # type: ignore[arg-type]
+    case.opened = [opened("kinematics.b", 0.0, 0.14, strained=beside_it)]
+    found = wrong_number._wrong(case, 0.012, strained=beside_the_effect)
+    assert (found is not None) == wrong
 
 
 def test_a_length_that_is_wrong_may_be_outside_its_tolerance() -> None:
