@@ -285,8 +285,9 @@ class Improved:
         a = self._area_a * q.stiffness_line / head.ratio
         b = self._area_b * q.stiffness_rod / rod.ratio
         stiffness = a * self._area_a + b * self._area_b
-        # where a valve holds the load, the hose does not show what carries the boom
-        off = ca.if_else(through, q.force - q.feedforward_force, 0.0)
+        # where a valve holds the load, the hose does not show what carries the boom; late pressures show a swing that is over
+        shown = through if self._model.pressure_delay == 0.0 else False
+        off = ca.if_else(shown, q.force - q.feedforward_force, 0.0)
         smooth = x.smooth.towards(m, off, a / stiffness, b / stiffness, s)
         inverse = self._map.flows(smooth.hose, smooth.rod, (q.rod_cushion, q.hose_cushion))
         modelled = (a * head_flow - b * rod_flow) / stiffness
