@@ -30,7 +30,7 @@ from boom_model.learned import PLACES, LearnedTerm
 from boom_model.machine import Machine
 from boom_model.plant import Plant
 from boom_recording.loading import load
-from boom_recording.recording import Recording
+from boom_recording.recording import Configuration, Recording
 from boom_recording.writing import from_columns
 from boom_report.channels import probability
 from boom_report.diagnosis.report import html
@@ -54,17 +54,17 @@ def operated(duration: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
     return time, np.column_stack([np.convolve(result[:, k], ramp)[: len(time)] for k in range(2)])
 
 
-def noisy(machine: Machine, duration: float, seed: int) -> Recording:
+def noisy(machine: Machine, duration: float, seed: int, told: Configuration = FOLDED) -> Recording:
     """What the sensors would show of a machine that an operator moves."""
     time, currents = operated(duration, seed)
-    plant = Plant(machine, machine.pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0), "full")
+    plant = Plant(machine, machine.pose(told.outer_boom_angle, told.telescope_length, told.load_mass), "full")
     run = plant.run(time, currents, time, plant.equilibrium(0.4, 1e6))
     rng = np.random.default_rng(seed)
     noise = machine.sensor_noise()
     measured = noise.outputs(run.outputs, rng)
     columns = {name: measured[:, i] for i, name in enumerate(OUTPUTS)}
     shown = noise.currents(currents, rng)
-    return from_columns("made", time, columns | {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}, FOLDED)
+    return from_columns("made", time, columns | {"retract_current": shown[:, 0], "extend_current": shown[:, 1]}, told)
 
 
 @functools.cache
@@ -201,11 +201,13 @@ def test_tolerances_are_relative_and_a_load_has_kilograms() -> None:
     assert found["pose.load"].value(300.0, -1.0) == pytest.approx(300.0 - 20.0 / 2)
 
 
-def nominal_look(effects: dict[str, dict[str, float]], looseness: float = 1.0) -> tuple[Scanner, np.ndarray]:
+def nominal_look(
+    effects: dict[str, dict[str, float]], looseness: float = 1.0, told: Configuration = FOLDED
+) -> tuple[Scanner, np.ndarray]:
     """The linear look from the nominal machine at 12 s of one with ``effects``, and the derivatives of its tolerances."""
-    bag = prepare(noisy(tz17().with_effects(effects), 12.0, 5))
+    bag = prepare(noisy(tz17().with_effects(effects), 12.0, 5, told))
     assert bag is not None
-    known = tolerances(tz17(), tz17().pose(FOLDED.outer_boom_angle, FOLDED.telescope_length, 0.0))
+    known = tolerances(tz17(), tz17().pose(told.outer_boom_angle, told.telescope_length, told.load_mass))
     problem = problem_at(tz17(), [bag], [bag.counted], known, np.zeros(len(known)), {}, looseness)
     at = problem.points([(np.zeros(len(known)), {})])[0]
     jacobian = problem.nuisance_jacobian(at)
@@ -219,6 +221,17 @@ def test_an_effect_to_either_side_is_in_sight_of_the_linear_look(gain: float) ->
     assert best.effect == "rate_scale" and best.gain > 100.0
     beyond = abs(best.values["effects.rate_scale.a"] - 1.0)  # the gyro's own accuracy, 1 %, takes up as much at first
     assert beyond == pytest.approx(abs(gain - 1.0) - 0.01, rel=0.2)
+
+
+def test_a_load_that_was_told_and_swings_is_in_sight_as_what_it_is_and_not_as_one_more_beside_it() -> None:
+    """420 kg on a rope of 1.6 m, told as 410 kg: as a load beside the one that is told the linear look saw nothing of it."""
+    scanner, _ = nominal_look(
+        {"swinging_load": {"mass": 420.0, "length": 1.6, "told": 1.0}}, told=Configuration("tz17", 0.28, 2.2, 410.0)
+    )
+    seen = scanner.scan(["swinging_load"])
+    beside = max(c.gain for c in seen if c.values["effects.swinging_load.told"] == 0.0)
+    assert seen[0].values["effects.swinging_load.told"] == 1.0
+    assert seen[0].gain > 2.0 * beside
 
 
 def test_a_small_effect_is_in_sight_although_its_probe_is_large() -> None:
