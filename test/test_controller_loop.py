@@ -137,7 +137,9 @@ def test_improved_takes_over_a_boom_in_fast_motion_with_its_valve_open(
             crane.loop.change(mode="improved")
         return crane.run(4.0)
 
-    assert farthest(run(change=True)) < farthest(run(change=False)) + 8e-3  # 30 to 75 mrad with a valve that it takes for closed
+    assert (
+        farthest(run(change=True)) < farthest(run(change=False)) + 8e-3
+    )  # 30 to 75 mrad with a valve that it takes for closed
 
 
 @pytest.mark.parametrize(("low", "high", "seconds"), [(1.0, 1.4, 3.0), (1.2, 1.5, 3.0), (0.9, 1.4, 2.0)])
