@@ -121,25 +121,26 @@ def farthest(cycles: list[Cycle]) -> float:
 
 
 @pytest.mark.parametrize("before", ["baseline", "simple"])
+@pytest.mark.parametrize(("begin", "end"), [(0.3, 0.7), (0.7, 0.3)])
 @pytest.mark.parametrize("at", [0.6, 1.2])
 def test_improved_takes_over_a_boom_in_fast_motion_with_its_valve_open(
-    machine: Machine, before: str, at: float
+    machine: Machine, before: str, at: float, begin: float, end: float
 ) -> None:
+    """Off by 30 to 75 mrad with a valve that it took for closed; by up to 9 where the boom accelerates."""
+
     def run(change: bool) -> list[Cycle]:
-        crane = Crane(machine, before)
+        crane = Crane(machine, before, angle=begin)
         crane.wanted = None
         crane.run(0.5)
         crane.loop.start(
-            [TrajectoryPoint(0.0, 0.3, 0.0, 0.0), TrajectoryPoint(3.0, 0.7, 0.0, 0.0)], crane.crane.sample.time
+            [TrajectoryPoint(0.0, begin, 0.0, 0.0), TrajectoryPoint(3.0, end, 0.0, 0.0)], crane.crane.sample.time
         )
         crane.run(at)
         if change:
             crane.loop.change(mode="improved")
         return crane.run(4.0)
 
-    assert (
-        farthest(run(change=True)) < farthest(run(change=False)) + 8e-3
-    )  # 30 to 75 mrad with a valve that it takes for closed
+    assert farthest(run(change=True)) < farthest(run(change=False)) + 9e-3
 
 
 @pytest.mark.parametrize(("low", "high", "seconds"), [(1.0, 1.4, 3.0), (1.2, 1.5, 3.0), (0.9, 1.4, 2.0)])

@@ -82,6 +82,8 @@ _LONGEST = 200
 """Bytes of a name; file systems take 255, endings and the names of files that are being written included."""
 _ANYBODYS = frozenset(("recording", "bag", "rosbag", "rosbag2", "data", "log", "run"))
 """Names that recordings of many cranes have."""
+_INITIAL = 2
+"""Letters of names like a, b, r1, which they have, too."""
 
 
 def default_report(command: str, bags: Sequence[str] = ()) -> Path:
@@ -100,9 +102,8 @@ def default_report(command: str, bags: Sequence[str] = ()) -> Path:
     names = [_name(Path(bag)) for bag in bags]
     name = "-".join([command, *names[:1]])
     twice = any(other == names[0] for other in names[1:])
-    if twice or (
-        names and (len(names[0]) < 3 or names[0].lower() in _ANYBODYS)
-    ):  # of another crane: its folder tells which
+    # names that recordings of every crane have: the folder tells which
+    if twice or (names and (len(names[0]) <= _INITIAL or names[0].lower() in _ANYBODYS)):
         name = f"{command}-{os.path.basename(os.path.realpath(Path(bags[0]).parent))}-{names[0]}"
     more = f"-and-{len(bags) - 1}-more" if len(bags) > 1 else ""
     path = checked(str(folder / f"{_short(name)}{more}.html"), "report", PAGE)

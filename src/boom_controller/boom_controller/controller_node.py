@@ -120,6 +120,8 @@ class ControllerNode(LifecycleNode):
         try:
             told = (self._values["mode"], settings_of(self._values), supervision_of(self._values))
             self._loop = ControlLoop(*told, watch_cycles=self._lockstep is None)
+            if self.get_clock().ros_time_is_active:
+                self._loop.sensors.trust_no_clock()
             self._rehearsal = None if self._lockstep else Rehearsal(*told)
         except (ControlError, ModelError) as error:
             self._failure, self._loop = str(error), None

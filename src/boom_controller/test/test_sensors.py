@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from boom_controller.supervision.sensor_set import SensorSet
 from boom_controller.supervision.sensors import Agreement, Range, SupervisedSensor
 
 
@@ -58,7 +59,7 @@ def test_one_bad_sample_is_left_out_and_three_in_a_row_are_a_reason(value: float
 def test_a_clock_that_was_set_is_told_for_a_second_and_its_new_stamps_count(step: float, said: str) -> None:
     made = sensor()
     made.take((5e6,), 1.0, 10.0)
-    for k in range(1, 5):  # of stamps that go back the first may have been overtaken
+    for k in range(1, 5):  # the first may have been overtaken, or two clocks read at different times
         made.take((5e6 + k,), 1.0 + step + 0.01 * k, 10.0 + 0.01 * k)
     assert made.values == (5e6 + 4,)
     finding = made.finding(10.04, 0.05, 3)
@@ -81,9 +82,26 @@ def test_what_the_boom_did_while_no_sample_came_is_no_disagreement_and_a_jump_of
     agreement = Agreement(10.0)
     agreement.update(0.0, 0.3, 0.2)
     assert agreement.update(2.0, 0.3, 0.0) == 0.0
-    assert agreement.jump(2.01, 0.335, 0.0) == pytest.approx(0.035)
-    assert agreement.jump(2.5, 0.335, 0.0) == 0.0  # the boom may have done that
-    assert agreement.jump(2.01, 0.302, 0.2) == pytest.approx(0.001)
+    assert agreement.jump(2.03, 0.335, 0.0, 0.01) == pytest.approx(0.035)
+    assert agreement.jump(2.4, 0.335, 0.0, 0.4) == 0.0  # the boom may have done that
+    assert agreement.jump(2.01, 0.302, 0.2, 0.01) == pytest.approx(0.001)
+    assert agreement.jump(1.97, 0.29, 0.2, 0.01) == 0.0  # overtaken
+
+
+def test_stamps_of_a_clock_that_runs_in_steps_are_no_clock_that_was_set_where_that_is_known() -> None:
+    made = SensorSet()
+    made.trust_no_clock()
+    for k in range(400):
+        stamp = round(0.01 * k / 0.025) * 0.025 + 1e-6 * k
+        made.take_hose(5e6, stamp, 0.01 * k)
+    assert made.hose.finding(4.0, 0.05, 3) is None
+
+
+def test_one_sample_whose_clocks_were_read_apart_is_left_out_and_stops_nothing() -> None:
+    made = sensor()
+    for k in range(20):
+        made.take((5e6,), 0.01 * k + (0.012 if k == 10 else 0.0), 10.0 + 0.01 * k)
+    assert made.finding(10.19, 0.05, 3) is None and made.clock_set == 0.0
 
 
 def drive(agreement: Agreement, rates: np.ndarray, shown: np.ndarray, measured: np.ndarray) -> float:

@@ -9,7 +9,7 @@ from math import cos, exp, log, sin
 import casadi as ca
 import pytest
 
-from boom_controller.blocks.direct_follower import DirectFollower
+from boom_controller.blocks.direct_follower import DirectFollower, follower_of
 from boom_controller.blocks.flat import leaves, nested
 from boom_controller.blocks.hysteresis import Play
 from boom_controller.blocks.valve_follower import ValveState
@@ -143,6 +143,22 @@ def test_a_spool_without_pilot_stage_goes_where_it_is_wanted_with_one_solenoid(n
     assert float(x.retract.current) == 0.0
     held = machine.structure.spool.current(-wanted, p, machine.structure.pilot_valves)
     assert float(x.extend.current) == pytest.approx(held, rel=1e-3)
+    there = follower.settled(wanted, 0.0, S)
+    assert (there.position, there.target, there.retract.current) == (wanted, wanted, 0.0)
+    assert there.extend.current == pytest.approx(held)
+
+
+@pytest.mark.parametrize("share", [-0.6, 0.4])
+def test_a_valve_that_begins_where_it_has_been_for_long_stays_there(share: float) -> None:
+    machine = load_machine("tz17")
+    p, e = component_parameters(machine, machine.pose(0.28, 2.2))
+    follower = follower_of(machine, "improved", p, e, 0.0, T, Play({}, p.main_valve_spool.s_max))
+    wanted = share * p.main_valve_spool.s_max
+    begun = x = follower.settled(wanted, 0.0, S)
+    for _ in range(20):
+        x, *_ = follower.step(x, wanted, lambda _: 0.0, S)
+    assert float(x.position) == pytest.approx(wanted, rel=1e-3)
+    assert float(x.extend.current) == pytest.approx(float(begun.extend.current), rel=1e-3, abs=1e-6)
 
 
 def test_a_machine_without_pilot_stage_has_the_laws_that_can_drive_it_and_refuses_the_others_in_words() -> None:

@@ -89,11 +89,12 @@ def _coordinate(effect: Effect, row: EffectParameter) -> Coordinate:
 
 
 def starts(
-    effect: Effect, lasting: float, size: MachineSize = THESIS, angles: tuple[float, float] = (0.0, 1.0)
-) -> list[dict[str, float]]:
+    effect: Effect, lasting: float, size: MachineSize = THESIS, angles: tuple[float, float] = (0.0, 1.0),
+    load: float | None = None,
+) -> list[dict[str, float]]:  # fmt: skip
     """Values from which an effect is tried: one dictionary a run.
 
-    lasting: duration of the recording [s]. angles: least and largest in it [rad].
+    lasting: duration of the recording [s]. angles: least and largest in it [rad]. load: the one that is told [kg].
     """
     effect = sized(effect, size)
     first = effect.parameters[0]
@@ -121,12 +122,19 @@ def starts(
             low, span = (angles[0], angles[1] - angles[0]) if row.visited else (0.0, 1.0)
             tried = [low + span * v for v in row.starts]
             result = [{**point, f"effects.{effect.id}.{row.name}": v} for point in result for v in tried]
-    return result
+    return _of_told(effect, result, load) if effect.told and load is not None else result
+
+
+def _of_told(effect: Effect, points: list[dict[str, float]], load: float) -> list[dict[str, float]]:
+    """Starts of a load that is the one that is told: so heavy, and none where none is."""
+    mass, told = (f"effects.{effect.id}.{name}" for name in (effect.parameters[0].name, effect.told))
+    return [{**point, mass: load} if point[told] else point for point in points if load > 0.0 or not point[told]]
 
 
 def has_valleys(effect: Effect) -> bool:
     """Whether the catalogue has starts of several of an effect's numbers, which trade off against one another."""
-    return bool(effect.points) or (sum(bool(row.starts) for row in effect.parameters) > 1 and not effect.onset)
+    several = sum(bool(row.starts) and row.name != effect.told for row in effect.parameters) > 1
+    return bool(effect.points) or (several and not effect.onset)
 
 
 def all_coordinates(effects: Iterable[str], size: MachineSize = THESIS) -> tuple[Coordinate, ...]:

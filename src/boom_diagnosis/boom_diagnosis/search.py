@@ -131,8 +131,8 @@ class Scanner:
         """
         duration = max(bag.recording.duration for bag in self.problem.predictor.bags)
         size, angles = self.problem.size, visited(self.problem.predictor.bags)
-        tried = [(effect, start) for effect in wanted for start in starts(EFFECTS[effect], duration, size, angles)]
-        tried = side_by_side(tried)
+        points = {effect: starts(EFFECTS[effect], duration, size, angles, self.load) for effect in wanted}
+        tried = side_by_side([(effect, start) for effect in wanted for start in points[effect]])
         seen = self._probed(tried)
         misfit = max(self.at.over(WHITE), LEAST_MISFIT)
         shares = [sqrt(2.0 * misfit) / max(size, 1e-9) for _, size in seen]

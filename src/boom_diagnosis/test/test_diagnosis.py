@@ -15,7 +15,7 @@ from rich.console import Console
 
 from boom_diagnosis import answer, regimes
 from boom_diagnosis.bag_samples import prepare
-from boom_diagnosis.coordinates import Coordinate, all_coordinates
+from boom_diagnosis.coordinates import Coordinate, all_coordinates, starts
 from boom_diagnosis.document import DiagnosisResult
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.healthy import simulated as copy_of
@@ -26,6 +26,7 @@ from boom_diagnosis.prediction import Predictor
 from boom_diagnosis.run import diagnose
 from boom_diagnosis.search import Fitted, Scanner, refine
 from boom_diagnosis.weighing import estimates
+from boom_model.catalogue import EFFECTS
 from boom_model.learned import PLACES, LearnedTerm
 from boom_model.machine import Machine
 from boom_model.plant import Plant
@@ -232,6 +233,7 @@ def test_a_load_that_was_told_and_swings_is_in_sight_as_what_it_is_and_not_as_on
     beside = max(c.gain for c in seen if c.values["effects.swinging_load.told"] == 0.0)
     assert seen[0].values["effects.swinging_load.told"] == 1.0
     assert seen[0].gain > 2.0 * beside
+    assert {start["effects.swinging_load.told"] for start in starts(EFFECTS["swinging_load"], 12.0, load=0.0)} == {0.0}
 
 
 def test_a_small_effect_is_in_sight_although_its_probe_is_large() -> None:

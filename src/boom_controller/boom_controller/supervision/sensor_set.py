@@ -6,7 +6,7 @@ import math
 from collections import deque
 
 from boom_controller.supervision.reasons import StopCause
-from boom_controller.supervision.sensors import MOVES, Agreement, Range, SupervisedSensor
+from boom_controller.supervision.sensors import CLOCK_STEP, LONGEST_GAP, MOVES, Agreement, Range, SupervisedSensor
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.types import Measurement
 from boom_input.repeats import Repeats
@@ -39,6 +39,7 @@ class SensorSet:
     """
 
     def __init__(self) -> None:
+        self._clock_step = CLOCK_STEP
         self.set_stroke(-math.pi, math.pi)
         self.hose = SupervisedSensor("hose pressure", (Range("hose pressure", "Pa", *_PRESSURE),))
         self.rod = SupervisedSensor("rod pressure", (Range("rod pressure", "Pa", *_PRESSURE),))
@@ -50,7 +51,14 @@ class SensorSet:
 
     def set_stroke(self, low: float, high: float) -> None:
         """Set the range of the boom's angles, ``low`` to ``high`` [rad]. Forgets the samples of the angle."""
-        self.joint = SupervisedSensor("angle", (Range("angle", "rad", low - _BEYOND, high + _BEYOND), _RATE))
+        ranges = (Range("angle", "rad", low - _BEYOND, high + _BEYOND), _RATE)
+        self.joint = SupervisedSensor("angle", ranges, self._clock_step)
+
+    def trust_no_clock(self) -> None:
+        """Stamps are of a simulation's clock: it runs in steps, and at its own pace."""
+        self._clock_step = math.inf
+        for sensor in (self.joint, self.hose, self.rod, self.currents):
+            sensor.clock_step = math.inf
 
     def take_joint(
         self, angle: float, rate: float, stamp: float, measured: float, s: SupervisionSettings, *, at_rest: bool = False,
@@ -61,7 +69,7 @@ class SensorSet:
         at_rest: the valve is closed; what the gyro does then, or while the boom is ``held``, tells its noise. Unless at rest an
         angle that jumps is not used.
         """
-        jump, doubt = self._agreement.jump(stamp, angle, rate), None
+        jump, doubt = self._agreement.jump(stamp, angle, rate, self.spacing or math.inf), None
         if abs(jump) > _JUMP * s.largest_disagreement and not at_rest:
             text = (
                 f"the angle jumped by {1e3 * jump:.0f} mrad from one sample to the next, which the rate does not show"
@@ -70,6 +78,8 @@ class SensorSet:
         if self.joint.take((angle, rate), stamp, measured, doubt):
             if self.joint.clock_set:
                 self._begin_again()
+            if self._stamps and stamp - self._stamps[-1] > LONGEST_GAP:
+                self._stamps.clear()
             self._stamps.append(stamp)
             turns = rate if abs(rate) > MOVES else 0.0
             turned, self._turned = turns * max(stamp - self._turned, 0.0), stamp

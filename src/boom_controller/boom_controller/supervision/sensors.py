@@ -13,9 +13,13 @@ from boom_controller.supervision.reasons import StopCause
 
 MOVES = 0.02
 """rad/s. Ten times the noise of a gyro, and more than its bias: the boom really moves."""
-CLOCK_STEP, BACK, TOLD = 0.01, 3, 1.0
-"""s, by which stamps leave our clock from one sample to the next where a clock was set; samples in a row that are behind the one
-before, as it then goes; and s, for which this is told."""
+CLOCK_STEP = 0.01
+"""s, by which stamps leave our clock from one sample to the next where a clock was set: a sample time, and ten times what a clock
+that is being slewed gains in one."""
+CONFIRMED = 2
+"""Samples in a row that tell so: a stall between the reading of two clocks is seen in one."""
+TOLD = 1.0
+"""s, for which it is told."""
 LONGEST_GAP = 0.5
 """s, without a sample. Longer than any time-out: what the boom did meanwhile is not known."""
 FASTEST = 5.0
@@ -38,6 +42,7 @@ class SupervisedSensor:
     Args:
         label: name for the operator.
         ranges: of its values, in order.
+        clock_step: from which a clock counts as set [s]; infinite where stamps are of a clock that does not run as ours.
 
     Attributes:
         values: newest good sample; NaN before the first.
@@ -48,15 +53,14 @@ class SupervisedSensor:
         fresh: a good sample came since ``fresh`` was cleared.
     """
 
-    def __init__(self, label: str, ranges: tuple[Range, ...]) -> None:
-        self.label = label
-        self._ranges = ranges
+    def __init__(self, label: str, ranges: tuple[Range, ...], clock_step: float = CLOCK_STEP) -> None:
+        self.label, self._ranges, self.clock_step = label, ranges, clock_step
         self.values: tuple[float, ...] = (math.nan,) * len(ranges)
         self.stamp = -math.inf
         self.fresh = False
         self.measured = -math.inf
-        self.bad = self._behind = 0
-        self.clock_set = 0.0
+        self.bad = self._telling = 0
+        self.clock_set = self._step = 0.0
         self._set = (0.0, -math.inf)
         self._last_bad: StopCause | None = None
 
@@ -65,28 +69,35 @@ class SupervisedSensor:
 
         doubt: why it is not to be used though it is within its range.
         """
-        finding = self._wrong(values) or doubt
-        if finding is None:
-            step = (stamp - measured) - (self.stamp - self.measured) if self.measured > -math.inf else 0.0
-            step = step if abs(step) > CLOCK_STEP else 0.0
-            if (
-                stamp <= self.stamp
-            ):  # the same again, or overtaken, which makes nothing younger; or a clock was set back
-                self._behind = self._behind + 1 if step else 0
-                if self._behind < BACK:
-                    return False
-            self._set = (step, measured) if step else self._set
-            self.clock_set, self._behind = step, 0
-            self.values, self.stamp, self.measured = values, stamp, measured
-            self.fresh, self.bad = True, 0
-            return True
-        self.bad += 1
-        self._last_bad = finding
-        return False
+        finding = self._wrong(values)
+        step = 0.0 if finding else self._stepped(stamp, measured)
+        if finding is None and stamp > self.stamp and not step:
+            finding = doubt
+        if finding is not None:
+            self.bad += 1
+            self._last_bad = finding
+            return False
+        if (step or stamp <= self.stamp) and self._telling < CONFIRMED:
+            return False  # not sure yet; or the same again, or overtaken, which makes nothing younger
+        self._set = (step, measured) if step else self._set
+        self.clock_set, self._telling = step, 0
+        self.values, self.stamp, self.measured = values, stamp, measured
+        self.fresh, self.bad = True, 0
+        return True
+
+    def _stepped(self, stamp: float, measured: float) -> float:
+        """By how much [s] a stamp leaves our clock against the good sample before, or 0; those that agree are counted."""
+        step = (stamp - measured) - (self.stamp - self.measured) if self.measured > -math.inf else 0.0
+        if abs(step) <= self.clock_step:
+            self._telling = 0
+            return 0.0
+        self._telling = self._telling + 1 if abs(step - self._step) <= self.clock_step else 1
+        self._step = step
+        return step
 
     def forget(self) -> None:
         """Start again: accept the next sample whatever its stamp."""
-        self.__init__(self.label, self._ranges)  # type: ignore[misc]
+        self.__init__(self.label, self._ranges, self.clock_step)  # type: ignore[misc]
 
     def finding(self, now: float, timeout: float, most_bad: int) -> StopCause | None:
         """The fault of the sensor at the time `now` [s], or None."""
@@ -98,6 +109,8 @@ class SupervisedSensor:
             text = f"the stamps of the {self.label} went {way} by {abs(step):.3g} s against the steady clock here"
             return StopCause("clock_set", f"{text}: was the clock set?")
         age = now - self.measured
+        if age > timeout and self.bad:
+            return self._last_bad
         if age > timeout:
             text = f"no {self.label} yet" if age == math.inf else f"the {self.label} is {1e3 * age:.0f} ms old"
             return StopCause("sensor_old", f"{text}, more than {1e3 * timeout:.0f} ms: is the sensor or the bus gone?")
@@ -134,12 +147,17 @@ class Agreement:
         self.apart = 0.0
         self._last: tuple[float, float, float] | None = None
 
-    def jump(self, time: float, angle: float, rate: float) -> float:
-        """By how much [rad] a sample leaves the one before, where neither rate nor any change of it in between explains that."""
+    def jump(self, time: float, angle: float, rate: float, spacing: float) -> float:
+        """By how much [rad] a sample leaves the one before, where neither rate nor any change of it in between explains that.
+
+        spacing: usual time between samples [s]; behind a longer gap the rate counts as known all the same.
+        """
         before, angle_before, rate_before = self._last or (time, angle, rate)
-        dt = max(time - before, 0.0)
+        dt = time - before
+        if not 0.0 < dt <= LONGEST_GAP:
+            return 0.0
         left = angle - angle_before - 0.5 * (rate + rate_before) * dt
-        return left if abs(left) > 0.5 * FASTEST * dt**2 else 0.0
+        return left if abs(left) > 0.5 * FASTEST * min(dt, spacing) ** 2 else 0.0
 
     def update(self, time: float, angle: float, rate: float) -> float:
         """Update with a sample: time [s], angle [rad], rate [rad/s]. Returns r [rad]."""

@@ -27,7 +27,9 @@ class SupervisionSettings(Tunables):
         3.2, "rad", -3.2, 3.2, "highest angle of the boom; never beyond the machine's stroke"
     )
     angle_margin: float = tunable(0.01, "rad", 0.0, 0.5, "distance that references keep from both limits")
-    largest_disagreement: float = tunable(0.05, "rad", 0.005, 1.0, "angle against integrated rate, within about 1 s")
+    largest_disagreement: float = tunable(
+        0.05, "rad", 0.005, 1.0, "angle against integrated rate, within about 1 s; a quarter of it at once"
+    )
     largest_angle_error: float = tunable(0.2, "rad", 0.01, 1.5, "distance from the reference that counts as divergence")
     persistence: float = tunable(0.05, "s", 0.0, 1.0, "how long a limit of speed or pressure must be exceeded")
     longest_stall: float = tunable(1.0, "s", 0.2, 10.0, "how long the valve may be wide open while the boom stands")

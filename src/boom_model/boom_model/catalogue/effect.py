@@ -151,6 +151,7 @@ class Effect:
             of neutral there are none on the other.
         onset: parameter that is the time at which it begins in a recording. release: that at which it ends; neutral: never.
         steps: of a load each mass and the piston position below which that rests on the ground.
+        told: parameter that is 1 where its load is the one that is told.
         lasting: effect that it is if it began before the recording, with parameters of the same names.
         margin: the prior reaches so far beyond the plausible range, in widths of it.
         sets_in: shares of a probe that are tried, of an effect that does nothing up to some size and soon far too much.
@@ -184,6 +185,7 @@ class Effect:
     onset: str = ""
     release: str = ""
     steps: tuple[tuple[str, str], ...] = ()
+    told: str = ""
     lasting: str = ""
     margin: float = 10.0
     sets_in: tuple[float, ...] = (1.0,)

@@ -42,11 +42,12 @@ EFFECT = Effect(
     (
         parameter("mass", "kg", 0.0, (100.0, 1500.0), (0.0, 5000.0), "mass that hangs", almost_nothing=1.0),
         parameter("length", "m", 1.5, (0.8, 3.0), (0.1, 20.0), "length of the pendulum", positive=True,
-                  starts=(0.8, 1.3, 2.0, 3.0)),
+                  starts=(0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2)),
         parameter("zeta", "-", 0.02, (0.005, 0.1), (0.0, 2.0), "damping ratio of the pendulum", positive=True),
         parameter("told", "-", 0.0, (0.0, 1.0), (0.0, 1.0), "share of it that is of the load told: 0 beside that, 1 is it",
                   starts=(0.0, 1.0)),
     ),
     {"angular_acceleration": _acceleration},
     place=3, states=(State("swing_angle", "theta", "rad", 0.1, -1.5, 1.5), State("swing_rate", "theta'", "rad/s", 0.3)),
+    told="told",
 )  # fmt: skip
