@@ -283,6 +283,7 @@ def test_the_terminal_table_is_short_plain_and_80_columns_wide():
     printed = out.getvalue()
     assert max(len(line) for line in printed.splitlines()) <= 80 and len(printed.splitlines()) < 45
     assert "\x1b" not in printed and "92 ms [86 to 97]" in printed and "unmodelled physics" in printed
+    assert re.search(r"^hose burst valve lag: tau: [a-z ]{10,}", printed, re.M)
     floor = re.search(r"noise floor +(.*)", printed).group(1).split()
     assert [float(v) for v in floor] == pytest.approx([100 * v for v in result.document.fit.noise_floor], rel=0.06)
     assert len(floor) == len(OUTPUTS)

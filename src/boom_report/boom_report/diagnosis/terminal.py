@@ -9,7 +9,7 @@ from rich.text import Text
 
 from boom_diagnosis.document import DiagnosisResult
 from boom_input.channels import PREDICTED
-from boom_model.catalogue import SUBSYSTEM_NAMES, effect_name
+from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
 from boom_report.channels import probability
 from boom_report.diagnosis.words import (
     VERDICTS,
@@ -48,6 +48,9 @@ def _print(result: DiagnosisResult, console: Console) -> None:
     console.print()
     if document.findings:
         console.print(findings_table(result))
+        for said in meanings(result):
+            console.print(Text(said))
+        console.print()
     for curve in result.learned:
         console.print(Text(f"learnt for equation ({curve.equation}): {curve.formula}; {curve.reading}"))
         console.print()
@@ -78,6 +81,16 @@ def findings_table(result: DiagnosisResult) -> Table:
         when = f"{finding.regime}{f'; {times}' if times else ''}"
         table.add_row(Text(what), Text("\n".join(numbers)), Text(when), Text(probability(finding.confidence)))
     return table
+
+
+def meanings(result: DiagnosisResult) -> list[str]:
+    """What the numbers of each effect that was found are, in the words of the catalogue."""
+    said = []
+    for finding in result.document.findings:
+        rows = EFFECTS[effect].parameters if (effect := finding.effect or finding.like) else ()
+        named = "; ".join(f"{row.name}: {row.meaning}" for row in rows if row.name in finding.parameters)
+        said += [f"{finding_name(finding)}: {named}"] if named else []
+    return said
 
 
 def proof_table(result: DiagnosisResult) -> Table:
