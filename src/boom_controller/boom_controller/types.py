@@ -25,6 +25,10 @@ class Reference(NamedTuple):
         )
 
 
+MOVES = 0.02
+"""rad/s. Ten times the noise of a gyro, and more than its bias: the boom really moves."""
+
+
 class Measurement(NamedTuple):
     """Sensor values: time [s], q_2 [rad], its rate [rad/s], p_h and p_b [Pa gauge]; age [s] when the currents go out."""
 

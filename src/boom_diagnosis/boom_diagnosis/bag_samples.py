@@ -50,8 +50,6 @@ SLOPE = 0.01
 """s. To either side over which the slope of a channel is taken."""
 EARLIEST = 0.05
 """Of an interval, that a sample is behind its beginning."""
-AROUND = 10.0
-"""s. Longer than any delay: inputs are held before their first sample and behind their last."""
 BEGINNING = 0.3
 """s. At the beginning, where the boom rests."""
 
@@ -193,11 +191,13 @@ class Bag:
 
     @cached_property
     def _integral(self) -> tuple[Array, Array]:
-        """When the held currents and other inputs change [s], and their integrals (m + 1, NU) there."""
-        time, values = self.currents.time, self.currents.values
-        knots = np.concatenate(
-            [[min(self.grid[0], time[0]) - AROUND], time[1:], [max(self.grid[-1], time[-1]) + AROUND]]
-        )
+        """When the held currents and other inputs change [s], and their integrals (m + 1, NU) there.
+
+        Held before their first sample and behind their last, as long again as the recording: longer than any delay.
+        """
+        time, values, around = self.currents.time, self.currents.values, self.grid[-1] - self.grid[0]
+        begin, end = min(self.grid[0], time[0]) - around, max(self.grid[-1], time[-1]) + around
+        knots = np.concatenate([[begin], time[1:], [end]])
         return knots, np.vstack((np.zeros_like(values[:1]), np.cumsum(np.diff(knots)[:, None] * values, axis=0)))
 
     @cached_property

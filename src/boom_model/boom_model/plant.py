@@ -11,16 +11,13 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from boom_model import rest
 from boom_model.catalogue import EFFECTS
-from boom_model.catalogue.terms import Terms
 from boom_model.compiled_model import CompiledModel, pointer
-from boom_model.component_numbers import components_of
 from boom_model.components import oil
 from boom_model.delayed import delayed
 from boom_model.equations import LOWEST_PRESSURE, Kind, valve_holds
@@ -268,11 +265,6 @@ class Plant(CompiledModel):
         """Where the dead times of ``what`` stand in the parameter vector."""
         delays = (EFFECTS[name] for name in self.equations.effects if EFFECTS[name].delays == what)
         return tuple(self.parameter_names.index(f"effects.{e.id}.{e.parameters[0].name}") for e in delays)
-
-    def _components(self, parameters: Array | None = None) -> tuple[Any, Terms]:
-        """(p, e) as the components take them."""
-        p = self.p if parameters is None else parameters
-        return components_of(dict(zip(self.parameter_names, (float(v) for v in p), strict=True)))
 
     def set_time(self, x: Array, begin: float) -> None:
         """The elapsed time, where an effect needs it as a state, is the time of the run itself."""

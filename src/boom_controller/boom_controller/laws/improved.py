@@ -43,15 +43,13 @@ from boom_controller.observers.rest import RestState, watch_rest
 from boom_controller.observers.spool_observer import SpoolSeen, SpoolState, deflection_sigma, observe_spool
 from boom_controller.observers.stall_watch import StallState, reason, stalled, watch_supply
 from boom_controller.settings import LawSettings, tunable
-from boom_controller.types import GO, Controller, ControlOutput, Measurement, Reference
+from boom_controller.types import GO, MOVES, Controller, ControlOutput, Measurement, Reference
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 
 LAWS = {
     "improved": "the boom as a mass on an oil spring driven by the valve's flow; observers for load, oil and missing flow",
 }
-MOVES = 0.02
-"""rad/s. From here on a boom that is taken over moves: ten times the noise of a gyro."""
 CAVITATION = 3.0e5
 """Pa. Below this the rod side may draw oil through its anti-cavitation valve and gives no information on its compliance."""
 QUICKER = 0.5

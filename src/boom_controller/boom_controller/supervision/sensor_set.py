@@ -6,9 +6,9 @@ import math
 from collections import deque
 
 from boom_controller.supervision.reasons import StopCause
-from boom_controller.supervision.sensors import CLOCK_STEP, LONGEST_GAP, MOVES, Agreement, Range, SupervisedSensor
+from boom_controller.supervision.sensors import CLOCK_STEP, LONGEST_GAP, Agreement, Range, SupervisedSensor
 from boom_controller.supervision.supervision_settings import SupervisionSettings
-from boom_controller.types import Measurement
+from boom_controller.types import MOVES, Measurement
 from boom_input.repeats import Repeats
 
 _BEYOND = (

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 from boom_controller.supervision.reasons import StopCause
 
-MOVES = 0.02
-"""rad/s. Ten times the noise of a gyro, and more than its bias: the boom really moves."""
 CLOCK_STEP = 0.01
 """s, by which stamps leave our clock from one sample to the next where a clock was set: a sample time, and ten times what a clock
 that is being slewed gains in one."""

@@ -6,10 +6,9 @@ import math
 from collections import deque
 
 from boom_controller.supervision.reasons import StopCause
-from boom_controller.supervision.sensors import MOVES
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.supervision.weight import CarriedWeight
-from boom_controller.types import ControlOutput, Measurement, Reference
+from boom_controller.types import MOVES, ControlOutput, Measurement, Reference
 from boom_model.derived import valve_currents
 from boom_model.machine import Machine, Pose
 

@@ -15,7 +15,7 @@ from collections import deque
 
 import numpy as np
 
-from boom_controller.supervision.sensors import MOVES
+from boom_controller.types import MOVES
 from boom_model.catalogue.terms import Terms
 from boom_model.components import equation_of_motion
 from boom_model.equations import namespace
