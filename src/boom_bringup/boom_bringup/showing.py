@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -35,17 +36,18 @@ def asked(prompt: str) -> str:
 QUIET = 2.0  # s: so long nothing is said in a log file
 
 
+SILENT = 30.0  # s: so long a log file gets no line before it is told that work goes on
+
+
 @contextmanager
 def progress(total: int) -> Iterator[Callable[[str, int], None]]:
-    """Show progress on stderr: a bar on a terminal; elsewhere a line for each step that starts after some seconds."""
+    """Show progress on stderr: a bar on a terminal; elsewhere a line for each step that starts after some seconds.
+
+    There a step that takes long is told again every ``SILENT`` seconds.
+    """
     if not sys.stderr.isatty():
-        begin = time.monotonic()
-
-        def say(text: str, _: int) -> None:
-            if text and time.monotonic() - begin > QUIET:
-                print(f"boom: {text}", file=sys.stderr, flush=True)
-
-        yield say
+        with _lines() as say:
+            yield say
         return
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -59,3 +61,31 @@ def progress(total: int) -> Iterator[Callable[[str, int], None]]:
             bar.update(task, advance=done, description=text or None)
 
         yield show
+
+
+@contextmanager
+def _lines() -> Iterator[Callable[[str, int], None]]:
+    begin, step, ended = time.monotonic(), "", threading.Event()
+
+    def say(text: str, _: int) -> None:
+        nonlocal step
+        if text and time.monotonic() - begin > QUIET:
+            print(f"boom: {text}", file=sys.stderr, flush=True)
+        step = text or step
+
+    def remind() -> None:
+        before = step
+        while not ended.wait(SILENT):
+            if step == before:
+                print(
+                    f"boom: still working after {time.monotonic() - begin:.0f} s: {step}", file=sys.stderr, flush=True
+                )
+            before = step
+
+    reminding = threading.Thread(target=remind, daemon=True)
+    reminding.start()
+    try:
+        yield say
+    finally:
+        ended.set()
+        reminding.join()

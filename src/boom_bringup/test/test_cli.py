@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -356,6 +357,22 @@ def test_steps_are_told_in_a_log_only_where_a_command_takes_longer_than_2_s(monk
         step("reading a", 1)
         step("reading b", 1)
     assert capsys.readouterr().err == "boom: reading b\n"
+
+
+def test_a_step_that_takes_long_is_told_again_in_a_log(monkeypatch, capsys):
+    told, printed = threading.Event(), print
+
+    def heard(*words, **how):
+        printed(*words, **how)
+        if "still" in words[0]:
+            told.set()
+
+    monkeypatch.setattr(showing, "SILENT", 0.01)
+    monkeypatch.setattr(showing, "print", heard, raising=False)
+    with showing.progress(1) as step:
+        step("fitting effects", 0)
+        assert told.wait(30.0)
+    assert capsys.readouterr().err.startswith("boom: still working after 0 s: fitting effects\n")
 
 
 def test_a_report_of_a_recording_with_anybodys_name_is_named_after_its_folder(tmp_path, monkeypatch):

@@ -1,8 +1,8 @@
 """Clocks that differ: the offset and the drift between topics at which simple physics holds best, with their intervals.
 
-Pressures against motion by the force balance, or, behind a valve that holds the load, by when they change; currents against motion
-by the answer to the command. A delay of filter, bus or valve is physics or a sensor (``pressure_delay``, ``command_delay``); what
-comes before its cause, or later than any of these, is a clock.
+Pressures against motion by the force balance together with when they change, or, behind a valve that holds the load, by the latter
+alone; currents against motion by the answer to the command. A delay of filter, bus or valve is physics or a sensor
+(``pressure_delay``, ``command_delay``); what comes before its cause, or later than any of these, is a clock.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from dataclasses import replace
 from math import ceil, inf
 
 import numpy as np
-from numpy.typing import NDArray
 
 from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.even_series import PERIOD, EvenSeries
@@ -20,8 +19,6 @@ from boom_checks.mechanics import Mechanics
 from boom_checks.readings import PRIOR
 from boom_checks.relations import changes, command, force
 from boom_input.channels import BY_NAME
-
-Array = NDArray[np.float64]
 
 FARTHEST = 1.0
 """s. Offsets looked for to either side."""
@@ -42,7 +39,7 @@ BEGUN = 120.0
 def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
     """Topics whose clock differs from that of the joint states."""
     found, begun = [], _begun(series)
-    pressures = (PRESSURES, changes, CHANGING) if boom.holds else (PRESSURES, force, CARRYING)
+    pressures = (PRESSURES, changes, CHANGING) if boom.holds else (PRESSURES, _carrying, CARRYING)
     for names, relation, allowed in (pressures, (CURRENTS, _at_once, COMMANDING)):
         measure, odds = offset(series, boom, names, relation, allowed)
         late = measure if begun is series else offset(begun, boom, names, relation, allowed)[0]
@@ -97,8 +94,7 @@ def drift(
 
     def score(shift: int, over: int) -> float:
         """With the signals late by ``shift`` samples in the middle, and by ``over`` more in the end than in the beginning."""
-        moved = np.round(shift + over * shares).astype(int)
-        return relation(series.with_columns({n: _earlier(series.columns[n], moved) for n in names}), boom)
+        return relation(series.moved(names, np.round(shift + over * shares).astype(np.int64)), boom)
 
     middle = round(late / PERIOD)
     still = max(score(shift, 0) for shift in range(middle - 2 * FINE, middle + 2 * FINE + 1, FINE))
@@ -134,7 +130,7 @@ def offset(
     """Lateness of the signals [s] with its interval, and the log odds that it lies outside ``within`` [s]."""
 
     def score(shift: int) -> float:
-        return relation(series.with_columns({name: _earlier(series.columns[name], shift) for name in names}), boom)
+        return relation(series.moved(names, shift), boom)
 
     reach = round(FARTHEST / PERIOD)
     tried = {shift: score(shift) for shift in range(-reach, reach + 1, COARSE)}
@@ -165,9 +161,13 @@ def _begun(series: EvenSeries) -> EvenSeries:
     )
 
 
-def _earlier(values: Array, shift: int | NDArray[np.int64]) -> Array:
-    """The values of ``shift`` samples later; the first or the last one where there is none, as a boom rests there."""
-    return np.asarray(values[np.clip(np.arange(len(values)) + shift, 0, len(values) - 1)])
+def _carrying(series: EvenSeries, boom: Mechanics) -> float:
+    """The pressures carry the boom, and change when its motion does.
+
+    Both, as a clock moves both: a valve at the cylinder of which the file does not know breaks the balance alone, and stamps
+    that run away would seem to mend it.
+    """
+    return force(series, boom) + changes(series, boom)
 
 
 def _at_once(series: EvenSeries, boom: Mechanics) -> float:

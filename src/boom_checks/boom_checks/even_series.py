@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -107,6 +107,16 @@ class EvenSeries:
         """The same with other values of some signals."""
         kept = {key: value for key, value in self._cache.items() if key[0] not in changed}
         return EvenSeries(self.time, {**self.columns, **changed}, kept)
+
+    def moved(self, names: Sequence[str], steps: int | NDArray[np.int64]) -> EvenSeries:
+        """The same with the values of ``steps`` samples later in these signals; the first or the last one where there is none.
+
+        A boom rests there. What is smoothed moves along, as a delay and a filter may change places.
+        """
+        at = np.clip(np.arange(len(self.time)) + steps, 0, len(self.time) - 1)
+        later = self.with_columns({name: self.columns[name][at] for name in names})
+        later._cache.update({(name, order): self.smooth(name, order)[at] for name in names for order in (0, 1)})
+        return later
 
 
 UNITS = 1e6

@@ -54,6 +54,8 @@ LAGS = range(0, 41, 2)
 """Samples by which the motion may be behind the command: dead time, pilot stage and spool."""
 POWERS = (1.0, 1.5, 2.0, 3.0)
 """Exponents of a valve's curve."""
+CONVERGED = 1e-6
+"""Step of the force balance's gains, in deviations of their prior, after which nothing moves."""
 _EVERY = 5
 
 
@@ -178,18 +180,19 @@ def contact_gain(series: EvenSeries, boom: Mechanics) -> float:
 
 def _balance(series: EvenSeries, boom: Mechanics, contact: Array | None = None) -> tuple[float, float]:
     """Log-likelihood of the force balance, and the most that a ``contact``, (n,) up to 1, asks of the head side [Pa]."""
-    angle, rate = series.smooth("angle"), series.smooth("rate")
-    measured = (series.smooth("hose_pressure") - series.smooth("rod_pressure") * boom.A_b / boom.A_a)[::_EVERY]
-    acceleration = series.smooth("rate", 1)
-    carried = boom.static_need(angle) + boom.joints_need(series.time, angle, rate, acceleration)
-    loads = np.column_stack((carried, boom.dynamic_need(angle, acceleration)))[::_EVERY]
-    beside = [] if contact is None else [contact]
-    plain = np.column_stack((np.ones(len(angle)), np.tanh(rate / TURNING), *beside))[::_EVERY]
+    angle, rate, acceleration = (
+        series.smooth(name, order)[::_EVERY] for name, order in (("angle", 0), ("rate", 0), ("rate", 1))
+    )
+    measured = series.smooth("hose_pressure")[::_EVERY] - series.smooth("rod_pressure")[::_EVERY] * boom.A_b / boom.A_a
+    carried = boom.static_need(angle) + boom.joints_need(series.time[::_EVERY], angle, rate, acceleration)
+    loads = np.column_stack((carried, boom.dynamic_need(angle, acceleration)))
+    beside = [] if contact is None else [contact[::_EVERY]]
+    plain = np.column_stack((np.ones(len(angle)), np.tanh(rate / TURNING), *beside))
     k, prior = plain.shape[1], np.array([*FORCE_PRIOR[:2], *[CONTACT] * len(beside), *FORCE_PRIOR[2:]])
     known = np.isfinite(measured) & np.isfinite(loads).all(axis=1) & np.isfinite(plain).all(axis=1)
     known &= ~series.leaning[::_EVERY]
     if boom.holds:
-        known &= (rate > MOVING)[::_EVERY] & (np.abs(acceleration) < ACCELERATION)[::_EVERY]
+        known &= (rate > MOVING) & (np.abs(acceleration) < ACCELERATION)
     if not known.any():
         return 0.0, 0.0
     extent = PRESSURE_FLOOR**2 + sum(
@@ -206,6 +209,8 @@ def _balance(series: EvenSeries, boom: Mechanics, contact: Array | None = None) 
         weight = seconds / len(y) / square
         step = np.linalg.solve(weight * slope.T @ slope + np.diag(prior**-2.0), weight * slope.T @ error - z / prior**2)
         z = z + np.clip(step, -prior, prior)
+        if np.all(np.abs(step) < CONVERGED * prior):
+            break
     likelihood = -0.5 * seconds * float(np.log(square / extent)) - 0.5 * float(np.sum((z / prior) ** 2))
     return likelihood, float(z[2]) if beside else 0.0
 
