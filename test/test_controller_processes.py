@@ -15,6 +15,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -71,7 +72,7 @@ MANY = QoSProfile(depth=2000, reliability=QoSReliabilityPolicy.BEST_EFFORT)
 class Rig:
     """Both processes, and a partner that watches and disturbs."""
 
-    def __init__(self, mode: str = "baseline", effects: str = "") -> None:
+    def __init__(self, mode: str = "baseline", effects: str = "", machine: str = "") -> None:
         self.closing = contextlib.ExitStack()
         domain = self.closing.enter_context(private_domain())  # the worker may run two rigs
         self.context = rclpy.Context()
@@ -98,9 +99,10 @@ class Rig:
         self.shown: dict[str, float] | None = None
         self.node.create_timer(0.01, self._show)
         self.environment = environment = dict(os.environ, ROS_DOMAIN_ID=str(domain))
-        parameters = {**WIDE, "mode": mode, "shared_topics": SENSORS}
+        parameters = {**WIDE, "mode": mode, "shared_topics": SENSORS, **({"machine": machine} if machine else {})}
         given = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
         shared = ["-p", "sensors:=ideal", "-p", f"shared_topics:={SENSORS}"]
+        shared += ["-p", f"machine:={machine}"] if machine else []
         programs = (
             [
                 "-m",
@@ -115,7 +117,7 @@ class Rig:
         self.health: dict[str, Any] = {}
         subscribe(DiagnosticArray, "/diagnostics", self._on_health, qos.EVENTS)
         self.processes = [subprocess.Popen([sys.executable, *words], env=environment) for words in programs]
-        self.until(lambda: self.states and self.states[-1].status == "ok")
+        self.until(lambda: self.states and self.states[-1].status == ("warning" if machine else "ok"))
 
     def _on_health(self, message: DiagnosticArray) -> None:
         self.health |= {status.name: status for status in message.status}
@@ -260,6 +262,25 @@ def test_a_load_that_the_supply_cannot_hold_stops_the_boom_and_says_so() -> None
         assert "cannot be held" in weak.states[-1].reason
     finally:
         weak.close()
+
+
+def test_a_machine_whose_physics_the_law_does_not_use_is_moved_by_topic_and_action_all_the_same(tmp_path: Path) -> None:
+    """What a diagnosis writes; topic and action had waited for a controller that has nothing to say."""
+    told = tmp_path / "drifting.yaml"
+    told.write_text(
+        files("boom_model").joinpath("machines/tz17.yaml").read_text("utf-8")
+        + "\neffects: {friction_drift: {r: 1.5, T: 10.0}}\n",
+        "utf-8",
+    )
+    drifting = Rig("improved", machine=str(told))
+    try:
+        drifting.until(lambda: "friction drift, which the control law does not use" in drifting.states[-1].reason)
+        drifting.until(drifting.action.server_is_ready)
+        drifting.trajectory.publish(path([(2.0, 0.35)]))
+        drifting.until(lambda: drifting.states[-1].mode == "track")
+        drifting.until(lambda: drifting.states[-1].mode == "hold" and abs(drifting.states[-1].angle - 0.35) < 0.01)
+    finally:
+        drifting.close()
 
 
 @pytest.fixture(scope="module")
@@ -488,6 +509,27 @@ def test_a_new_goal_replaces_the_old_one(rig: Rig) -> None:
     second, _ = goal(rig, path([(1.0, 0.4)]), way=-1.0, end=0.01, late=20)
     assert "replaced" in ended(rig, first).error_string
     assert ended(rig, second).error_code == 0
+
+
+def test_goals_that_come_in_the_same_instant_are_all_answered_and_the_last_one_is_tracked(rig: Rig) -> None:
+    many = QoSProfile(depth=100)
+    clients = [
+        ActionClient(
+            rig.node, FollowJointTrajectory, "/boom_controller/follow_joint_trajectory", goal_service_qos_profile=many
+        )
+        for _ in range(2)
+    ]
+    try:
+        rig.until(lambda: all(client.server_is_ready() for client in clients))
+        asked = [
+            clients[k % 2].send_goal_async(FollowJointTrajectory.Goal(trajectory=path([(2.0, 0.4)]))) for k in range(60)
+        ]
+        rig.until(lambda: all(future.done() for future in asked))
+        assert all(future.result().accepted for future in asked)
+        rig.until(lambda: rig.states[-1].mode == "hold" and abs(rig.states[-1].angle - 0.4) < 0.01)
+    finally:
+        for client in clients:
+            client.destroy()
 
 
 def test_a_goal_that_leaves_its_path_is_aborted_and_the_boom_held(rig: Rig) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -172,11 +173,23 @@ def test_sensors_that_are_slower_than_the_sample_time_are_said_before_anything_m
         boom.period()
         boom.now += TS
     with pytest.raises(
-        TrajectoryError, match=r"samples come every 20 ms and sample_time is 10 ms: .*sample_time:=0.02"
+        TrajectoryError, match=r"samples of the angle come every 20 ms and sample_time is 10 ms: .*sample_time:=0.02"
     ):
         boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
     boom.run(0.5)
     boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
+
+
+@pytest.mark.parametrize("name", ["hose_pressure", "rod_pressure"])
+def test_a_pressure_that_is_slower_than_the_sample_time_is_said_before_anything_moves(boom: Boom, name: str) -> None:
+    """It had been stopped by missed_deadlines 0.7 s into each motion."""
+    take, count = getattr(boom.loop, name), itertools.count()
+    setattr(boom.loop, name, lambda *sample: take(*sample) if next(count) % 4 == 0 else None)
+    boom.run(1.0)
+    words = f"samples of the {name.replace('_', ' ')} come every 40 ms"
+    with pytest.raises(TrajectoryError, match=words):
+        boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
+    assert words in boom.last.reason
 
 
 def test_sensors_that_come_in_bursts_are_as_fast_as_they_are_on_the_whole(boom: Boom) -> None:
@@ -192,7 +205,9 @@ def test_sensors_slower_than_any_sample_time_are_to_be_sampled_faster(boom: Boom
     for _ in range(30):
         boom.period()
         boom.now += 0.09
-    with pytest.raises(TrajectoryError, match="samples come every 100 ms and sample_time is 10 ms: sample them faster"):
+    with pytest.raises(
+        TrajectoryError, match="samples of the angle come every 100 ms and sample_time is 10 ms: sample them faster"
+    ):
         boom.loop.start([TrajectoryPoint(2.0, 0.7, 0.0, 0.0)], boom.now)
 
 

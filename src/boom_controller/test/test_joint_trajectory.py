@@ -105,6 +105,10 @@ def test_before_its_start_and_behind_its_end_a_trajectory_stands_still() -> None
         ([TrajectoryPoint(1.0, 0.4, 0.0), TrajectoryPoint(2.0, 0.5)], "other fields"),
         ([TrajectoryPoint(1.0, 0.4, None, 0.0)], "no rate"),
         ([TrajectoryPoint(1.0, 0.4, 0.2)], "rate of 0"),
+        (
+            [TrajectoryPoint(2.0, 0.35, 0.0, 3.0)],
+            "acceleration of 3 .* to 0.5.* and back; .* give an acceleration of 0",
+        ),
         ([TrajectoryPoint(0.0, 0.6), TrajectoryPoint(4.0, 0.5)], "away from the boom"),
         ([TrajectoryPoint(9.0, 1.6)], "moves between"),
         ([TrajectoryPoint(2.0, 1e308)], r"point 0 is at 1e\+308 rad: the boom moves between"),
@@ -121,6 +125,18 @@ def test_what_cannot_be_followed_is_refused_with_the_reason(points: list[Traject
         planned(*points)
     assert caught.value.code is Code.INVALID_GOAL
     assert "\n" not in str(caught.value) and "nan" not in str(caught.value) and len(str(caught.value)) < 160
+
+
+def test_the_last_point_may_have_the_deceleration_with_which_planners_come_to_it() -> None:
+    speed, slowing, begin = 0.2, 0.5, 1.0
+    points = [TrajectoryPoint(begin, 0.3 + speed * begin, speed, -slowing)]
+    for t in (0.1, 0.2, 0.3, 0.4):
+        points.append(
+            TrajectoryPoint(
+                begin + t, 0.3 + speed * begin + speed * t - slowing * t * t / 2, speed - slowing * t, -slowing
+            )
+        )
+    assert planned(*points).goal == pytest.approx(0.3 + speed * begin + speed**2 / slowing / 2)
 
 
 def test_angle_and_rate_go_on_across_the_points() -> None:

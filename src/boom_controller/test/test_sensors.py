@@ -97,6 +97,37 @@ def test_stamps_of_a_clock_that_runs_in_steps_are_no_clock_that_was_set_where_th
     assert made.hose.finding(4.0, 0.05, 3) is None
 
 
+def test_a_clock_that_begins_again_is_believed_and_told_and_what_is_late_is_not() -> None:
+    """A bag that is played in a loop, and a simulator that is reset."""
+    made = SensorSet()
+    made.trust_no_clock()
+    stamps = [10.0 + 0.01 * k for k in range(50)]
+    stamps[20:22] = stamps[15:17]  # overtaken
+    for k, stamp in enumerate(stamps):
+        made.take_hose(5e6, stamp, 0.01 * k)
+    assert made.hose.finding(0.5, 0.05, 3) is None
+    for k in range(50):
+        made.take_hose(5e6, 0.01 * k, 0.5 + 0.01 * k)
+    assert made.hose.stamp == pytest.approx(0.49)
+    finding = made.hose.finding(1.0, 0.05, 3)
+    assert finding is not None and finding.reason == "clock_set"
+    assert "went back by 10.5 s" in finding.text and "did the bag or the simulation begin again?" in finding.text
+    for k in range(50, 120):
+        made.take_hose(5e6, 0.01 * k, 0.5 + 0.01 * k)
+    assert made.hose.finding(1.7, 0.05, 3) is None
+
+
+def test_samples_that_come_in_bursts_are_told_as_that() -> None:
+    made = sensor()
+    for k in range(60):
+        stamp = (k // 5) * 0.1 + 0.01 * (k % 5)
+        made.take((5e6,), stamp, 10.0 + stamp)
+    assert made.spacing == pytest.approx(0.02, abs=0.004) and made.burst == pytest.approx(0.06)
+    for k in range(60):
+        made.take((5e6,), 1.3 + 0.02 * k, 11.3 + 0.02 * k)
+    assert made.spacing == pytest.approx(0.02) and made.burst == 0.0
+
+
 def test_one_sample_whose_clocks_were_read_apart_is_left_out_and_stops_nothing() -> None:
     made = sensor()
     for k in range(20):

@@ -94,6 +94,8 @@ _MOST_APART_S = 0.9 * LONGEST_SILENCE_S
 _TOLD_EVERY = 500  # messages; some 5 s of a recording
 _SETTLE_S = 0.2  # the two ends of a connection learn of each other one after the other
 _ACKNOWLEDGE_S = 1.0
+_SEAM = 0.05
+"""rad, from the end of a reference to its beginning; further than that a controller follows none where it begins, either."""
 _SILENT_S = 1.5
 """After which it is told what is waited for."""
 
@@ -120,6 +122,12 @@ class ReplayNode(Node):
             raise StartError(
                 f"at a rate of {values.rate:g} samples go out {1e3 * apart:.0f} ms apart, and a valve is closed after "
                 f"{1e3 * LONGEST_SILENCE_S:.0f} ms without one: give a rate of at least {least:.2g}"
+            )
+        seam = abs(self._samples[-1].values[0] - self._samples[0].values[0])
+        if values.loop and values.what == replay.REFERENCE and seam > _SEAM:
+            raise StartError(
+                f"the reference ends {seam:.2g} rad away from its beginning, and a boom would rush there at each repetition: loop "
+                f"a part that ends within {_SEAM:g} rad (start, duration), or leave loop out"
             )
         for warning in recording.warnings:
             self.get_logger().warning(f"{values.bag}: {warning}")

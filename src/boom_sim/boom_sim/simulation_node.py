@@ -164,20 +164,20 @@ class SimulationNode(Node):
         due = time.monotonic() - late
         if self._paused or self._failure:
             self._pacer.hold(due)
-            self._anchor(late)
+            self._anchor(due)
             return
         if not self._pacer.started:  # the first tick is time zero: building the node took a while
             if self._values.realtime_priority:  # all threads are there, the executor's included
                 problem = use_priority(self._values.realtime_priority)
                 if problem:
                     self.get_logger().warning(problem)
-            self._anchor(late)
+            self._anchor(due)
             self._publish(self._crane.sample)
         skipped = self._pacer.skipped
         for _ in range(self._pacer.due(due)):
             self._advance()
         if self._pacer.skipped != skipped:
-            self._anchor(late)
+            self._anchor(due)
         self._garbage.cycle_is_over()
 
     def _conflict(self) -> str:
@@ -193,9 +193,10 @@ class SimulationNode(Node):
                 self._latched.publish(self._configuration)  # everybody may have heard the other crane's last
         return conflict
 
-    def _anchor(self, late: float) -> None:
-        """Set simulated time, from which stamps are made, to ``late`` [s] ago."""
-        self._origin_ns = self.get_clock().now().nanoseconds - seconds_to_ns(self._crane.time + late)
+    def _anchor(self, due: float) -> None:
+        """Set simulated time, from which stamps are made, to ``due`` [s] of the steady clock: steps since then took their time."""
+        since = time.monotonic() - due
+        self._origin_ns = self.get_clock().now().nanoseconds - seconds_to_ns(self._crane.time + since)
 
     def _look_for_listeners(self) -> None:
         told = self._unheard.look()

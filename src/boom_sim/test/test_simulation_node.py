@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import signal
 import subprocess
 import sys
 import time
@@ -107,6 +108,25 @@ def start() -> Iterator[Callable[..., subprocess.Popen[str]]]:
     for process in running:
         process.kill()
         process.communicate(timeout=PATIENCE)
+
+
+def test_a_crane_that_stood_still_stamps_no_sample_ahead_of_the_clock(partner: Partner, start: Any) -> None:
+    """The periods that are made up for take their time: their samples had led by it for good, and a controller refused them."""
+    process = start("sensors:=ideal")
+    heard = partner.heard["/joint_states"]
+    partner.until(lambda: len(heard) > 50)
+    process.send_signal(signal.SIGSTOP)
+    begin = time.monotonic()
+    partner.until(lambda: time.monotonic() - begin > 1.2)
+    process.send_signal(signal.SIGCONT)
+    heard.clear()
+    partner.until(lambda: len(heard) > 60)
+    leads = []
+    for _ in range(30):
+        count = len(heard)
+        partner.until(lambda count=count: len(heard) > count)
+        leads.append(1e-6 * (to_ns(heard[-1].header.stamp) - partner.node.get_clock().now().nanoseconds))
+    assert max(leads) < 5.0  # ms
 
 
 def test_lockstep_advances_one_period_per_command(partner: Partner, start: Any) -> None:

@@ -48,7 +48,7 @@ class ControlLoop:
         supervision: the state machine.
         sensors: their newest samples.
         references: the reference.
-        law: the control law.
+        law: the control law. interlock: what stands against moving.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class ControlLoop:
             TrajectoryGenerator(settings.generator_pole, self._period), self._period,
             supervision.stop_deceleration, supervision.largest_rate, supervision.blend,
         )  # fmt: skip
-        self._interlock = Interlock(self.law, self.sensors, self.supervision)
+        self.interlock = Interlock(self.law, self.sensors, self.supervision)
         self._note = self._refused_stream = ""
         self._last_cycle: float | None = None
         self._last_reference = -math.inf
@@ -165,7 +165,7 @@ class ControlLoop:
 
     def emergency_stop(self, wanted: bool, now: float) -> None:
         """The topic's state: true stops, false allows to resume."""
-        self._interlock.emergency = wanted
+        self.interlock.emergency = wanted
         if wanted:
             self._stop(StopCause("emergency_stop", "emergency stop"), now)
 
@@ -175,7 +175,7 @@ class ControlLoop:
 
     def conflict(self, text: str) -> None:
         """What stands against moving from outside the loop, in a sentence; empty: nothing. More than one drives the boom."""
-        self._interlock.conflict = text
+        self.interlock.conflict = text
 
     def fault(self, text: str, now: float) -> bool:
         """Handle a failure of this program: ramp to zero, at once the second time. True during the ramp."""
@@ -188,7 +188,7 @@ class ControlLoop:
 
     def resume(self, now: float) -> tuple[bool, str]:
         """The explicit command to go on after a stop. Success, and a line for the operator."""
-        return self.supervision.resume(self._interlock.standing(now), self._interlock.missing(now))
+        return self.supervision.resume(self.interlock.standing(now), self.interlock.missing(now))
 
     def stream(self, wanted: float, now: float) -> None:
         """Accept a wanted angle [rad] of /boom/reference."""
@@ -208,7 +208,7 @@ class ControlLoop:
             return  # a trajectory on its way goes first
         if state not in (MotionState.IDLE, MotionState.HOLD):
             return
-        if missing := self._interlock.missing(now):
+        if missing := self.interlock.missing(now):
             self._refuse_stream(missing)
             return
         present = self.references.present.angle if state is MotionState.HOLD else self.sensors.joint.values[0]
@@ -241,7 +241,7 @@ class ControlLoop:
         if state in (MotionState.STOPPING, MotionState.STOPPED):
             why = self.supervision.finding.text if self.supervision.finding else ""
             raise TrajectoryError(f"the boom is {state.value}: {why}; call ~/resume first")
-        if missing := self._interlock.missing(now):
+        if missing := self.interlock.missing(now):
             raise TrajectoryError(missing)
         sensor, limits, idle = self.sensors.joint, self.supervision.settings, state is MotionState.IDLE
         angle = sensor.values[0]
@@ -291,7 +291,7 @@ class ControlLoop:
             finding = self._watch.cycle(gap, self._period, now) if self._watch and self._watch_cycles else None
             # what stood still itself finds old samples; that a cycle was late is the cause then
             if finding is None or gap <= supervision.settings.longest_cycle:
-                finding = self._interlock.standing(now) or finding
+                finding = self.interlock.standing(now) or finding
             if finding is not None:
                 self._stop(finding, now)
             if supervision.state is MotionState.STOPPING and self._closed_meanwhile(gap):
@@ -381,7 +381,7 @@ class ControlLoop:
         if (finding := self.supervision.finding) is not None:
             return "stopped", f"{finding.reason}: {finding.text}"
         if self.supervision.state is MotionState.IDLE:
-            if missing := self._interlock.missing(now):
+            if missing := self.interlock.missing(now):
                 return "warning", missing
             if self._refused_stream and now - self._last_reference > 1.0:
                 self._refused_stream = self._note = ""

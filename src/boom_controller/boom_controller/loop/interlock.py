@@ -44,10 +44,17 @@ class Interlock:
             return f"not ready: {self._law.preparing}"
         if self._law.controller is None:
             return "not ready: no /boom/machine_configuration yet"
-        spacing, period = self._sensors.spacing, self._law.settings.sample_time
-        if spacing > SLOWER * period:
-            said = f"not ready: samples come every {1e3 * spacing:.0f} ms and sample_time is {1e3 * period:.0f} ms: "
-            slow = spacing > LONGEST_SAMPLE_TIME
-            return said + ("sample them faster" if slow else f"start the controller with sample_time:={spacing:.2g}")
+        slowest, period = self._sensors.slowest, self._law.settings.sample_time
+        if (spacing := slowest.spacing) > SLOWER * period:
+            return f"not ready: samples of the {slowest.label} come {_seldom(spacing, slowest.burst, period)}"
         finding = self.standing(now)
         return f"not ready: {finding.text}" if finding is not None else ""
+
+
+def _seldom(spacing: float, burst: float, period: float) -> str:
+    """How samples come that are too rare for a period, and what to do; all [s]."""
+    if burst:
+        return f"in bursts, up to {1e3 * burst:.0f} ms apart: send each when it is measured"
+    said = f"every {1e3 * spacing:.0f} ms and sample_time is {1e3 * period:.0f} ms: "
+    slow = spacing > LONGEST_SAMPLE_TIME
+    return said + ("sample them faster" if slow else f"start the controller with sample_time:={spacing:.2g}")

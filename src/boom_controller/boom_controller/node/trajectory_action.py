@@ -10,11 +10,15 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.qos import QoSProfile
 
 from boom_controller.node.goal_formats import GoalFormat, Progress
 from boom_controller.references.joint_trajectory import Code, TrajectoryError
 from boom_controller.supervision.tracking_goal import Ending
 from boom_node.motion_action import NAME
+
+_MANY = QoSProfile(depth=200)
+"""As many clients may ask in the same instant; of a service's usual ten the others would wait for ever."""
 
 
 class _Server(ActionServer):
@@ -80,6 +84,9 @@ class TrajectoryAction:
             goal_callback=lambda _: GoalResponse.ACCEPT,
             cancel_callback=self._on_cancel,
             result_timeout=60,
+            goal_service_qos_profile=_MANY,
+            result_service_qos_profile=_MANY,
+            cancel_service_qos_profile=_MANY,
         )
         self._server.begin, self._server.format = self._begin, self._format
 

@@ -44,7 +44,7 @@ class TrajectoryRequests:
 
         Who finds topic and action there can use them.
         """
-        if cycle.status != "warning" and not self._action.offered:
+        if not self._action.offered and not loop.interlock.missing(self._times.now()):
             self._node.create_subscription(JointTrajectory, _TOPIC, self._on_message, qos.BY_TOPIC[_TOPIC])
             self._action.offer()
         for number, ending in cycle.endings:

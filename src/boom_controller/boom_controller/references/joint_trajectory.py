@@ -154,7 +154,23 @@ def plan(points: Sequence[TrajectoryPoint], present: Reference, measured: float,
         pieces, points = [Polynomial(first.angle)], [first, first]
     result = JointTrajectory([point.time for point in points], pieces, last.angle, smoothed=last.rate is None)
     _check_bounds(points, pieces, bounds)
+    _check_end(points, pieces, bounds)
     return result
+
+
+def _check_end(points: Sequence[TrajectoryPoint], pieces: Sequence[Polynomial], bounds: Bounds) -> None:
+    """The last point may have the deceleration with which the boom comes to it, as planners write it, and no other acceleration."""
+    if not points[-1].acceleration:
+        return
+    ends, last = sorted(point.angle for point in points[-2:]), pieces[-1]
+    t = np.linspace(0.0, points[-1].time - points[-2].time, _SAMPLES)
+    angle = np.polynomial.polynomial.polyval(t, last.coefficients)
+    farthest = float(angle[np.argmax(np.maximum(ends[0] - angle, angle - ends[1]))])
+    if max(ends[0] - farthest, farthest - ends[1]) > bounds.start:
+        raise TrajectoryError(
+            f"the last point has an acceleration of {points[-1].acceleration:g} rad/s^2: the boom would go to {farthest:.3f} rad "
+            "and back; it holds there, so give an acceleration of 0"
+        )
 
 
 def _check_fields(points: Sequence[TrajectoryPoint], bounds: Bounds) -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 
 from boom_controller.supervision.reasons import StopCause
-from boom_controller.supervision.sensors import CLOCK_STEP, LONGEST_GAP, Agreement, Range, SupervisedSensor
+from boom_controller.supervision.sensors import CLOCK_STEP, Agreement, Range, SupervisedSensor
 from boom_controller.supervision.supervision_settings import SupervisionSettings
 from boom_controller.types import MOVES, Measurement
 from boom_input.repeats import Repeats
@@ -22,8 +21,6 @@ _DRIFT_T, _DRIFT = 10.0, 2.0
 """s, and times ``largest_disagreement``: an angle that leaves the gyro slowly. A gyro that is 10 % wrong stays below over 1 rad."""
 _NO_CHANGE = 1e-6  # rad/s
 _NO_CHANGE_OF_PRESSURE = 10.0  # Pa
-_INTERVALS = 20
-"""Between samples of the angle, whose mean tells how often they come: a bus may hand over several at once."""
 _FED_BACK = ("divergence", "oscillation", "load_not_held", "no_motion", "speed_limit")
 """What a pressure that is wrong may end in, as the law feeds it back."""
 _CURRENT = Range("current", "A", -0.05, 10.0)
@@ -46,7 +43,6 @@ class SensorSet:
         self.currents = SupervisedSensor("currents", (_CURRENT, _CURRENT))
         self._agreement, self._drift = Agreement(), Agreement(_DRIFT_T)
         self._age, self._turned = 0.0, math.inf
-        self._stamps = deque[float](maxlen=_INTERVALS + 1)
         self._watch_repeats()
 
     def set_stroke(self, low: float, high: float) -> None:
@@ -69,7 +65,7 @@ class SensorSet:
         at_rest: the valve is closed; what the gyro does then, or while the boom is ``held``, tells its noise. Unless at rest an
         angle that jumps is not used.
         """
-        jump, doubt = self._agreement.jump(stamp, angle, rate, self.spacing or math.inf), None
+        jump, doubt = self._agreement.jump(stamp, angle, rate, self.joint.spacing or math.inf), None
         if abs(jump) > _JUMP * s.largest_disagreement and not at_rest:
             text = (
                 f"the angle jumped by {1e3 * jump:.0f} mrad from one sample to the next, which the rate does not show"
@@ -78,9 +74,6 @@ class SensorSet:
         if self.joint.take((angle, rate), stamp, measured, doubt):
             if self.joint.clock_set:
                 self._begin_again()
-            if self._stamps and stamp - self._stamps[-1] > LONGEST_GAP:
-                self._stamps.clear()
-            self._stamps.append(stamp)
             turns = rate if abs(rate) > MOVES else 0.0
             turned, self._turned = turns * max(stamp - self._turned, 0.0), stamp
             self._agreement.update(stamp, angle, rate)
@@ -113,14 +106,12 @@ class SensorSet:
         self._agreement.reset()
         self._drift.reset()
         self._turned = math.inf
-        self._stamps.clear()
         self._watch_repeats()
 
     @property
-    def spacing(self) -> float:
-        """Time [s] from one sample of the angle to the next; 0 before it is known."""
-        stamps = self._stamps
-        return (stamps[-1] - stamps[0]) / _INTERVALS if len(stamps) > _INTERVALS else 0.0
+    def slowest(self) -> SupervisedSensor:
+        """Of those that are required, the one whose samples come most seldom."""
+        return max((self.joint, self.hose, self.rod), key=lambda sensor: sensor.spacing)
 
     def complete(self, most_apart: float) -> bool:
         """True once each has delivered a new sample since :meth:`use`, all within ``most_apart`` [s].

@@ -7,7 +7,10 @@ single bad sample among good ones does not. Times are seconds of the supervising
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
+
+import numpy as np
 
 from boom_controller.supervision.reasons import StopCause
 
@@ -20,6 +23,10 @@ TOLD = 1.0
 """s, for which it is told."""
 LONGEST_GAP = 0.5
 """s, without a sample. Longer than any time-out: what the boom did meanwhile is not known."""
+INTERVALS = 20
+"""Between samples, whose mean tells how often they come: a bus may hand over several at once."""
+BURST = 3.0
+"""Times that mean, of the longest of them: more than two samples lost in a row."""
 FASTEST = 5.0
 """rad/s^2. No boom changes its rate faster."""
 
@@ -40,7 +47,8 @@ class SupervisedSensor:
     Args:
         label: name for the operator.
         ranges: of its values, in order.
-        clock_step: from which a clock counts as set [s]; infinite where stamps are of a clock that does not run as ours.
+        clock_step: from which a clock counts as set [s]; infinite where stamps are of a clock that does not run as ours: it is set
+            where it goes back by more than ``LONGEST_GAP``, which no late sample does.
 
     Attributes:
         values: newest good sample; NaN before the first.
@@ -61,6 +69,19 @@ class SupervisedSensor:
         self.clock_set = self._step = 0.0
         self._set = (0.0, -math.inf)
         self._last_bad: StopCause | None = None
+        self._stamps = deque[float](maxlen=INTERVALS + 1)
+
+    @property
+    def spacing(self) -> float:
+        """Time [s] from one sample to the next; 0 before it is known."""
+        stamps = self._stamps
+        return (stamps[-1] - stamps[0]) / INTERVALS if len(stamps) > INTERVALS else 0.0
+
+    @property
+    def burst(self) -> float:
+        """Longest time [s] between two of the last samples where they come unevenly; 0 where they do not."""
+        longest = max(np.diff(self._stamps), default=0.0)
+        return float(longest) if longest > BURST * self.spacing > 0.0 else 0.0
 
     def take(self, values: tuple[float, ...], stamp: float, measured: float, doubt: StopCause | None = None) -> bool:
         """Accept a sample with its stamp [s] and its time of measurement on our clock [s]. False if it is not used.
@@ -79,6 +100,9 @@ class SupervisedSensor:
             return False  # not sure yet; or the same again, or overtaken, which makes nothing younger
         self._set = (step, measured) if step else self._set
         self.clock_set, self._telling = step, 0
+        if step or stamp - self.stamp > LONGEST_GAP:
+            self._stamps.clear()
+        self._stamps.append(stamp)
         self.values, self.stamp, self.measured = values, stamp, measured
         self.fresh, self.bad = True, 0
         return True
@@ -86,7 +110,8 @@ class SupervisedSensor:
     def _stepped(self, stamp: float, measured: float) -> float:
         """By how much [s] a stamp leaves our clock against the good sample before, or 0; those that agree are counted."""
         step = (stamp - measured) - (self.stamp - self.measured) if self.measured > -math.inf else 0.0
-        if abs(step) <= self.clock_step:
+        own = math.isinf(self.clock_step)
+        if abs(step) <= self.clock_step and not (own and stamp < self.stamp - LONGEST_GAP):
             self._telling = 0
             return 0.0
         self._telling = self._telling + 1 if abs(step - self._step) <= self.clock_step else 1
@@ -105,7 +130,8 @@ class SupervisedSensor:
         if now - when < TOLD:
             way = "forward" if step > 0.0 else "back"
             text = f"the stamps of the {self.label} went {way} by {abs(step):.3g} s against the steady clock here"
-            return StopCause("clock_set", f"{text}: was the clock set?")
+            why = "did the bag or the simulation begin again" if math.isinf(self.clock_step) else "was the clock set"
+            return StopCause("clock_set", f"{text}: {why}?")
         age = now - self.measured
         if age > timeout and self.bad:
             return self._last_bad
