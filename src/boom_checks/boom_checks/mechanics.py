@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from boom_estimation.joint_torque import JointTorque, joint_torque
 from boom_identification.stationary import pose_of
+from boom_model.catalogue import load_holding_valve
 from boom_model.component_numbers import component_parameters
 from boom_model.components import equation_of_motion
 from boom_model.machine import Machine
@@ -132,7 +133,7 @@ def mechanics(machine: Machine, recording: Recording) -> Mechanics:
     states[:, plant.state_names.index("rate")] = rate
     flow = rate * float(np.max(inner["jacobian"])) * p.cylinder.A_a
     q = ca.SX.sym("q")
-    drop = ca.Function("drop", [q], [machine.structure.hose_burst_valve.pressure_drop(q, p, e)])
+    drop = ca.Function("drop", [q], [load_holding_valve.pressure_drop(machine, q, p, e)])
     return Mechanics(
         angle, inner["piston_position"], inner["jacobian"], inner["gravity_torque"], inertia, p.cylinder.A_a, p.cylinder.A_b, arm,
         _tolerance(machine, pose.tabulated), rate, plant.auxiliary(states, np.zeros((_POINTS, 2)))["friction_torque"],

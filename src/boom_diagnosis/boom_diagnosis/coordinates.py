@@ -66,7 +66,7 @@ _SHARE = 0.35
 def coordinates(effect: Effect, size: MachineSize = THESIS) -> tuple[Coordinate, ...]:
     """The numbers of an effect in a machine of this size, each once."""
     own = sized(effect, size)
-    return tuple(_coordinate(own, row) for row in own.parameters)
+    return tuple(_coordinate(own, row) for row in own.parameters if not row.fixed)
 
 
 def _coordinate(effect: Effect, row: EffectParameter) -> Coordinate:
@@ -128,7 +128,8 @@ def starts(
 def _of_told(effect: Effect, points: list[dict[str, float]], load: float) -> list[dict[str, float]]:
     """Starts of a load that is the one that is told: so heavy, and none where none is."""
     mass, told = (f"effects.{effect.id}.{name}" for name in (effect.parameters[0].name, effect.told))
-    return [{**point, mass: load} if point[told] else point for point in points if load > 0.0 or not point[told]]
+    known = {mass: load} | {f"effects.{effect.id}.{row.name}": load for row in effect.parameters if row.fixed}
+    return [{**point, **known} if point[told] else point for point in points if load > 0.0 or not point[told]]
 
 
 def has_valleys(effect: Effect) -> bool:

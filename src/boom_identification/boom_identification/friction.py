@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from boom_identification import estimate
 from boom_identification.estimate import Identified, NotDetermined
 from boom_identification.stationary import Points
+from boom_model.catalogue import load_holding_valve
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder
 from boom_model.machine import Machine, Pose
@@ -54,7 +55,7 @@ def head_pressure(points: Points, machine: Machine, pose: Pose) -> Array:
     """p_a (n,) [Pa] from p_h and the hose burst valve, (5.37), (5.38)."""
     p, e = component_parameters(machine, pose)
     flow = points.piston_velocity * p.cylinder.A_a
-    drop = np.asarray(machine.structure.hose_burst_valve.pressure_drop(flow, p, e), float).ravel()
+    drop = np.asarray(load_holding_valve.pressure_drop(machine, flow, p, e), float).ravel()
     return np.asarray(points.hose_pressure - drop, np.float64)
 
 

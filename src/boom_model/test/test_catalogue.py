@@ -130,6 +130,18 @@ def test_a_load_that_swings_far_pulls_along_its_rope(tz17: Any, effects: Any, he
     assert inertia * a == pytest.approx(5e4 + 150.0 * g * x - (x * fy - y * fx))
 
 
+def test_a_swinging_load_that_was_told_is_the_load_of_each_recording(tz17: Any, effects: Any, held: Any) -> None:
+    """Found with 300 kg told; where 200 kg are told, 200 kg swing."""
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8, 200.0)))
+
+    def acceleration(**numbers: float) -> float:
+        e = effects(held(swing_angle=0.3, swing_rate=0.1), swinging_load={"length": 2.0, **numbers})
+        return float(e.through("angular_acceleration", 0.0, angle=0.2, rate=0.3, inertia=33_818.0, torque=5e4, p=q))
+
+    assert acceleration(mass=310.0, told=1.0, load=310.0) == pytest.approx(acceleration(mass=200.0, told=1.0))
+    assert acceleration(mass=310.0, load=310.0) == acceleration(mass=310.0)
+
+
 def test_elastic_mode_rings_at_its_frequency_and_is_seen(tz17: Any, effects: Any, held: Any) -> None:
     mode = {"gain": 0.1, "f": 2.0, "zeta": 0.0, "mu": 0.5, "eta": 0.4}
     bent, still = held(bend=0.01, bend_rate=0.2), held(bend=0.0, bend_rate=0.0)

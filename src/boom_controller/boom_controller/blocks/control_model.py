@@ -144,7 +144,7 @@ class ControlModel:
     ) -> tuple[ModelQuantities, Expression]:
         """The quantities behind a valve that holds the load (expressions), with the force that carries the boom.
 
-        Beside them whether what is measured tells of it: not as long as the valve may be shut.
+        Beside them how far what is measured tells of it, 0 to 1: not at all as long as the valve may be shut.
 
         Where the boom is lifted the oil comes through the hose, whose pressure is the head side's. Else two things tell f_p: what
         the boom needs at q_2*'' = ``acceleration`` [rad/s^2], and p_a = p_h + (q_a / G)^2 of the valve; the second by the square of
@@ -158,9 +158,10 @@ class ControlModel:
         flow = area * ca.fmax(-q.jacobian * m.rate, SLOW)
         drop, largest = ((flow / ca.fmax(g, SHUT * most)) ** 2 for g in (opening, surely))
         seen = q.force + area * drop
-        held = needed + (seen - needed) / (1 + (largest / AS_SURE) ** 2)
-        opened = ca.logic_or(lifting, surely > SHUT * most)
-        return q._replace(force=ca.if_else(lifting, q.force, ca.fmax(q.force, held))), opened
+        share = 1 / (1 + (largest / AS_SURE) ** 2)
+        held = needed + share * (seen - needed)
+        told = ca.if_else(lifting, 1.0, ca.if_else(surely > SHUT * most, share, 0.0))
+        return q._replace(force=ca.if_else(lifting, q.force, ca.fmax(q.force, held))), told
 
     def resting_force(self, m: Measurement) -> float:
         """f_p [N] of a boom that rests: measured, or what it needs behind a valve that holds the load."""
@@ -212,7 +213,7 @@ def _functions(machine: Machine, p: Any, e: Any) -> tuple[Any, Any]:
 
     def torque(angle: Any, jacobian: Any, rate: Any) -> Any:
         """tau~_f, (5.41)."""
-        drop = structure.hose_burst_valve.pressure_drop(jacobian * rate * a_a, p, e)
+        drop = load_holding_valve.pressure_drop(machine, jacobian * rate * a_a, p, e)
         return v.friction * structure.friction.torque(angle, rate, jacobian, p, e) + a_a * jacobian * drop
 
     further: Any = v.load

@@ -80,7 +80,7 @@ class LoadObserver:
     ) -> LoadState:
         """One sample time with the model at the present load, the sample at the cylinder, settings with ``gains``.
 
-        known: 0 while nothing that is measured tells of the force, and so nothing of the load.
+        known: how far what is measured tells of the force, 0 to 1: what the boom needs tells nothing of the load.
         """
         torque = q.jacobian * q.force - q.friction - q.gravity
         point = (m.angle, m.rate, q.inertia, torque, 0.0)
@@ -95,6 +95,8 @@ class LoadObserver:
             return ca.if_else(safe, getattr(s, f"safe_{k}"), usual)
 
         t = s.sample_time
+        if x.modes:  # their filter is one whole: d stands for what the assumed force lacks of a swing, too
+            known = ca.if_else(known > 0.0, 1.0, 0.0)
         load = x.load + known * t * gain(1) * surprise * effect / (effect * effect + LEAST_EFFECT * LEAST_EFFECT)
         own = tuple(gain(2 + k) for k in range(len(x.modes)))
         return LoadState(

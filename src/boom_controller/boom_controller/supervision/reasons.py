@@ -27,8 +27,8 @@ REASONS: dict[str, Reason] = {
                "clear the danger, publish false on the topic"),
         Reason("sensor_old", "no good sample of a sensor for longer than its time-out", "currents",
                "restore the sensor, the bus or the clocks"),
-        Reason("clock_set", "stamps left the steady clock by more than 10 ms from one sample to the next", "currents",
-               "let no clock be set while the boom moves"),
+        Reason("clock_set", "stamps left the steady clock by more than 10 ms from one sample to the next; with `use_sim_time`: "
+               "/clock began again", "currents", "let no clock be set while the boom moves"),
         Reason("sensor_not_a_number", "a sensor sent NaN or infinity several times in a row", "currents",
                "restore the sensor"),
         Reason("sensor_out_of_range", "a sensor sent impossible values several times in a row", "currents",

@@ -85,6 +85,7 @@ class EffectParameter:
             none of that noise through, and predicts better than the truth.
         of: number of the same effect without which this one says nothing.
         acts: also where the leading number does nothing. leads: it does so as another size of the effect, beside the first one.
+        fixed: no unknown; where a search starts it is set.
         flow_power: with which power of a machine's flow it goes, beside what its unit says: a share at the thesis' full flow.
     """
 
@@ -111,6 +112,7 @@ class EffectParameter:
     of: str = ""
     acts: bool = False
     leads: bool = False
+    fixed: bool = False
     flow_power: int = 0
 
 

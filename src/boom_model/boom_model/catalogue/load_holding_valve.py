@@ -30,6 +30,13 @@ def _at_rest(states: Mapping[str, Expression], _p: Any, e: Any) -> dict[str, Exp
     return {"holding_valve_pilot": valve.rest(states, e.numbers("load_holding_valve"))}
 
 
+def pressure_drop(machine: Any, flow: Expression, p: Any, e: Any) -> Expression:
+    """p_h - p_a [Pa] that drives a flow q_a [m^3/s] through the valve at the cylinder: the machine's own, or this in its place."""
+    if EFFECT.id in machine.effects:
+        return valve.pressure_drop(flow, e.numbers(EFFECT.id))
+    return machine.structure.hose_burst_valve.pressure_drop(flow, p, e)
+
+
 EFFECT = Effect(
     "load_holding_valve", "hose_burst_valve", "5.39f",
     "q_a = max(0, p_h - p_a - p_check) / r_check + min(g max(0, z), G_max) sqrt(p_h - p_a), z ~ p_a + R p_b - p_set",

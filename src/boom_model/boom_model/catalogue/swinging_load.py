@@ -8,7 +8,8 @@ position that of the boom angle q_2, w = q_2':
     (D - m_k |tip|^2 + m c^2) w' = J f_p - tau_f - g(q_2) + m_k g_0 x_t - m c (s w^2 + g_0 cos theta + l theta'^2)
     l theta'' = -s w' + c w^2 - g_0 sin theta - 2 zeta sqrt(g_0 l) theta'
 
-m comes beside the load of the configuration, or is that load: m_k = min(k m, load) no longer sticks. Neutral m = 0: no states.
+m comes beside the load of the configuration (k = 0), or is that load (k = 1): m_k = min(k m, load) no longer sticks, and with
+another load than the ``load`` with which m was found another mass hangs, (1 + k (load / load_0 - 1)) m. Neutral m = 0: no states.
 """
 
 from typing import Any
@@ -22,7 +23,9 @@ from boom_model.state import State
 
 def _acceleration(_: Expression, own: Any, at: Any) -> Expression:
     swing, swing_rate = own.state("swing_angle"), own.state("swing_rate")
-    m, length, g, tip = own.mass, own.length, at.p.constants.g, at.p.pose.tip
+    length, g, tip = own.length, at.p.constants.g, at.p.pose.tip
+    heavier = ca.if_else(own.load > 0.0, at.p.pose.load / ca.fmax(own.load, 1.0), 1.0)
+    m = own.mass * (1 + own.told * (heavier - 1))
     x = tip[0] * ca.cos(at.angle) - tip[1] * ca.sin(at.angle)
     y = tip[0] * ca.sin(at.angle) + tip[1] * ca.cos(at.angle)
     c, s = x * ca.cos(swing) + y * ca.sin(swing), x * ca.sin(swing) - y * ca.cos(swing)
@@ -46,6 +49,8 @@ EFFECT = Effect(
         parameter("zeta", "-", 0.02, (0.005, 0.1), (0.0, 2.0), "damping ratio of the pendulum", positive=True),
         parameter("told", "-", 0.0, (0.0, 1.0), (0.0, 1.0), "share of it that is of the load told: 0 beside that, 1 is it",
                   starts=(0.0, 1.0)),
+        parameter("load", "kg", 0.0, (0.0, 1500.0), (0.0, 1e5), "load told where mass was found; 0: mass is the same with any",
+                  fixed=True),
     ),
     {"angular_acceleration": _acceleration},
     place=3, states=(State("swing_angle", "theta", "rad", 0.1, -1.5, 1.5), State("swing_rate", "theta'", "rad/s", 0.3)),

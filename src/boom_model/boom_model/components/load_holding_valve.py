@@ -78,9 +78,8 @@ def _flow(w: Wiring, hose: Expression, head: Expression, rod: Expression) -> Exp
     return flow(hose, head, pilot, v)
 
 
-def pressure_drop(flow: Expression, p: Any, _e: Any) -> Expression:
+def pressure_drop(flow: Expression, v: Any) -> Expression:
     """p_h - p_a [Pa] of the check valve at a flow q_a [m^3/s] into the cylinder; what holds it open to lower is not told by q_a."""
-    v = p.hose_burst_valve
     return ca.if_else(flow > 0, v.p_check * ca.tanh(flow * v.r_check / WIDTH) + v.r_check * flow, 0.0)
 
 
@@ -107,7 +106,8 @@ register(HoseBurstValve(
     name="pilot_opened", meaning="load-holding valve: shut unless the rod pressure opens it",
     term="q_a = max(0, p_h - p_a - p_check) / r_check + min(g max(0, z), G_max) sqrt(p_h - p_a), z ~ p_a + R p_b - p_set",
     specifications=SPECIFICATIONS,
-    offers=frozenset({"load_holding_valve", "valve_at_the_cylinder"}), holds=True, flow=_flow, pressure_drop=pressure_drop,
+    offers=frozenset({"load_holding_valve", "valve_at_the_cylinder"}), holds=True, flow=_flow,
+    pressure_drop=lambda flow, p, _: pressure_drop(flow, p.hose_burst_valve),
     data=_data, rest=_rest,
     conductance=lambda head, rod, p, e: conductance(
         head, rod, p.hose_burst_valve, e.through("set_pressure", p.hose_burst_valve.p_set)
