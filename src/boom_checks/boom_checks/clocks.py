@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import ceil, inf
+from math import ceil, hypot, inf
 
 import numpy as np
 
@@ -32,12 +32,19 @@ CARRYING, CHANGING, COMMANDING = (-0.03, 0.12), (-0.10, 0.20), (-0.40, 0.03)
 before the boom moves, and the oil swings after it; and of currents, which the motion follows after pilot stage and spool."""
 DRIFTS = (0.06, 0.1, 0.16, 0.25, 0.4, 0.6, 0.9)
 """s over what is looked at, to either side; what filters and valves do is as late in the end as in the beginning."""
+LAG = 0.3
+"""Share to which pilot stage and spool are known: what tolerances and effects of the valve leave of a lag."""
 BEGUN = 120.0
 """s of a longer recording that are looked at for a drift: in an hour a clock is off by more than any offset that is tried."""
 
 
-def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
-    """Topics whose clock differs from that of the joint states."""
+def clock_checks(
+    series: EvenSeries, boom: Mechanics, answer: Callable[[], EvenSeries | None] = lambda: None
+) -> list[RecordingCheck]:
+    """Topics whose clock differs from that of the joint states.
+
+    answer: with the motion that the model makes of the recorded currents; by as much as it follows them the stamps are later.
+    """
     found, begun = [], _begun(series)
     pressures = (PRESSURES, changes, CHANGING) if boom.holds else (PRESSURES, _carrying, CARRYING)
     for names, relation, allowed in (pressures, (CURRENTS, _at_once, COMMANDING)):
@@ -47,7 +54,9 @@ def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
         if gained > max(odds, -PRIOR):
             measure, odds = running, gained
             said = _runs(measure, "/joint_states", float(series.time[-1]))
-        else:
+        elif names is CURRENTS and odds + PRIOR > 0.0 and (modelled := answer()):
+            measure = _beyond(measure, offset(modelled, boom, names, relation, allowed)[0])
+        if measure.name == "offset":
             way = "late" if measure.value > 0.0 else "early"
             said = f"the stamps are {way} against those of /joint_states by {abs(measure.value):.2f} s"
         if odds + PRIOR > 0.0:
@@ -59,6 +68,14 @@ def clock_checks(series: EvenSeries, boom: Mechanics) -> list[RecordingCheck]:
                 )
             )  # fmt: skip
     return _one_clock(found)
+
+
+def _beyond(measured: IntervalValue, modelled: IntervalValue) -> IntervalValue:
+    """The offset beyond that of a model whose own lag is known to ``LAG``."""
+    value = measured.value - modelled.value
+    ends = [max(abs(end - m.value) for end in m.interval_90) for m in (measured, modelled)]
+    spread = hypot(*ends, LAG * modelled.value)
+    return replace(measured, value=value, interval_90=(value - spread, value + spread))
 
 
 def _one_clock(found: list[RecordingCheck]) -> list[RecordingCheck]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from boom_checks.check import RecordingCheck
@@ -15,6 +15,7 @@ from boom_checks.mechanics import Mechanics, mechanics
 from boom_checks.readings import reading_checks
 from boom_checks.sampling import independent, sampling_checks
 from boom_checks.statics import Statics, statics_of
+from boom_estimation.free_run import predict
 from boom_model.machine import Machine
 from boom_recording.recording import Recording
 
@@ -91,11 +92,20 @@ def checks_of(
         return [*jump_checks(recording), *sampling_checks(recording)], series
     found, repaired = reading_checks(series, boom)
     found += latched_checks(repaired, boom, supply_pressure(machine)) or frozen_checks(repaired, boom)
-    found += clock_checks(repaired, boom)
+    found += clock_checks(repaired, boom, lambda: None if found else _answer(recording, machine))
     found += chatter_checks(series)
     found += jump_checks(recording)
     found += sampling_checks(recording)
     return sorted(found, key=lambda check: (not check.spoils, -check.log_odds)), repaired.plausible()
+
+
+def _answer(recording: Recording, machine: Machine) -> EvenSeries | None:
+    """The recording with the motion that the model makes of its currents; None where it makes none."""
+    run = predict(recording, machine, "full")
+    signals = dict(recording.signals)
+    signals |= {n: replace(signals[n], values=run.values[n]) for n in ("angle", "rate") if n in signals}
+    series = even_series(replace(recording, signals=signals))
+    return series if series.known("angle", "rate") else None
 
 
 def supply_pressure(machine: Machine) -> float:

@@ -138,6 +138,15 @@ def test_the_offset_of_a_clock_is_measured_and_its_interval_holds_it(offset: flo
     assert high - low < 0.1
 
 
+@pytest.mark.parametrize("offset", [0.1, 0.25])
+def test_currents_whose_clock_is_late_are_so_by_more_than_the_motion_follows_them(offset: float) -> None:
+    """They had been told later by less than they are: pilot stage and spool take 0.16 s of it here."""
+    recording = late(load(BAGS / "healthy" / "extended"), offset, "retract_current", "extend_current")
+    found = [check for check in checks(recording, TZ17) if check.kind == "clock"]
+    assert [check.measure.value for check in found] == ([pytest.approx(offset, abs=0.02)] if offset > 0.2 else [])
+    assert all(check.measure.interval_90[0] <= offset <= check.measure.interval_90[1] for check in found)
+
+
 def running(recording: Recording, percent: float, *names: str) -> Recording:
     """The same log, the stamps of these signals running fast."""
     signals = dict(recording.signals)
