@@ -320,7 +320,7 @@ def _ports(series: EvenSeries, run: ForcedRun, plant: Plant) -> list[ChainLink]:
     """Flow out of the main valve into either port against the flow that motion and pressures ask for."""
     p, _ = component_parameters(plant.machine, plant.pose)
     position = run.inner["piston_position"]
-    separates = plant.machine.structure.hose_burst_valve.separates
+    separates = plant.machine.separates
     head = np.full(len(position), p.cylinder.V_h) if separates else cylinder.head_volume(position, p) + p.cylinder.V_h
     volumes = {"hose_pressure": head, "rod_pressure": np.asarray(cylinder.rod_volume(position, p))}
     states = {"hose_pressure": "hose_pressure" if separates else "head_pressure", "rod_pressure": "rod_pressure"}

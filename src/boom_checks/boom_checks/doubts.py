@@ -50,7 +50,7 @@ def first_look(recording: Recording, machine: Machine) -> FirstLook:
     series, boom = _series(recording), mechanics(machine, recording)
     found, repaired = checks_of(recording, series, boom, machine)
     why = ""
-    if machine.structure.hose_burst_valve.holds:
+    if machine.holds:
         why = "no levels: the valve that holds the load stands between the hose pressure and the boom"
     elif missing := [name for name in ALL if not repaired.known(name)]:
         why = f"no levels: {lacking(recording, missing, 'they need')}"

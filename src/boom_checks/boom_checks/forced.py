@@ -38,7 +38,7 @@ class ForcedRun:
 def forced_run(series: EvenSeries, plant: Plant, wanted: Sequence[str]) -> ForcedRun:
     """Steps the model over the recording; NaN where a measurement is missing or the free states left their range."""
     names = plant.state_names
-    given = {"head_pressure": "hose_pressure"} if not plant.machine.structure.hose_burst_valve.separates else {}
+    given = {"head_pressure": "hose_pressure"} if not plant.machine.separates else {}
     forced = [
         (k, series.smooth(given.get(n, n))) for k, n in enumerate(names) if given.get(n, n) in series and n in MEASURED
     ]

@@ -138,6 +138,26 @@ def test_the_load_holding_valve_that_a_machine_file_lacks_is_found() -> None:
     assert next(law for law in found.laws if not law.opened_by).held_out > 0.45
 
 
+def test_the_chain_of_an_explained_file_stands_on_both_sides_of_the_valve_that_it_has_as_an_effect() -> None:
+    """Hose and head side had been one volume there, and the flow into it was off by 13 times what the file leaves open."""
+    if not SHARED.is_dir():
+        pytest.skip("no shared/recordings/strangers beside the project")
+    valve = {
+        "p_set": 1.225e7,
+        "R": 2.33,
+        "gain": 5.4e-14,
+        "G_max": 5.1e-7,
+        "play": 2.9e5,
+        "p_check": 4.3e4,
+        "r_check": 8.4e8,
+    }
+    machine = load_machine(SHARED / "stranger.yaml").with_effects({"load_holding_valve": valve})
+    recording = load(SHARED / "stranger_1_a")
+    ratios = {link.name: link.ratio for link in chain_of_machine(recording, machine).links}
+    assert ratios["head flow"] < 2.0 and ratios["rod flow"] < 1.0
+    assert "holds the load" in first_look(recording, machine).no_levels
+
+
 def test_a_rate_that_somebody_derived_and_filtered_breaks_no_kinematics() -> None:
     """A logger's filter of 30 ms broke the link at 5.1 times what noise and tolerances leave."""
     recording = load(BAGS / "healthy" / "extended")

@@ -64,16 +64,22 @@ def links(machine: Machine) -> tuple[Link, ...]:
         replace(
             link,
             title=_title(link, machine),
-            subsystems=tuple(s for s in link.subsystems if machine.structure.has(OFFERED.get(s, ""))),
+            subsystems=tuple(s for s in link.subsystems if _offered(machine, s)),
         )
         for link in LINKS
     )
-    if machine.structure.hose_burst_valve.separates:
+    if machine.separates:
         return told
     hose, head = (next(link for link in told if link.key == key) for key in ("hose_flow", "head_flow"))
     others = (subsystem for subsystem in head.subsystems if subsystem != "hose_burst_valve")
     joined = replace(head, title="flow into the head side", subsystems=(*hose.subsystems, *others))
     return tuple(joined if link is head else link for link in told if link is not hose)
+
+
+def _offered(machine: Machine, subsystem: str) -> bool:
+    """Whether a machine has it: of its structure, or as an effect that stands between hose and head side."""
+    added = subsystem == "hose_burst_valve" and machine.separates
+    return added or machine.structure.has(OFFERED.get(subsystem, ""))
 
 
 def _title(link: Link, machine: Machine) -> str:

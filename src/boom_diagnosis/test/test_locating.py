@@ -101,3 +101,12 @@ def test_equations_are_called_after_what_the_machine_has() -> None:
     assert loader["hose_flow"] == "flow into the hose"
     assert thesis["head_flow"] == "flow through the hose burst valve into the cylinder"
     assert thesis["hose_flow"] == "flow into hose and accumulators"
+
+
+def test_a_valve_that_an_effect_puts_between_hose_and_head_side_makes_two_equations_of_one() -> None:
+    bare = load_machine("triangle_direct")
+    assert not bare.separates and "hose_flow" not in [link.key for link in locating.links(bare)]
+    with_valve = bare.with_effects({"load_holding_valve": {"p_set": 1.2e7}})
+    assert with_valve.separates
+    found = {link.key: link.subsystems for link in locating.links(with_valve)}
+    assert "hose_burst_valve" in found["head_flow"] and "hose_flow" in found

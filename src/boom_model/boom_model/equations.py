@@ -40,6 +40,11 @@ def valve_holds(structure: Structure, effects: Iterable[str]) -> bool:
     return structure.hose_burst_valve.holds or any(EFFECTS[name].holds for name in effects)
 
 
+def valve_separates(structure: Structure, effects: Iterable[str]) -> bool:
+    """Whether hose and head side are two volumes: the structure has a valve between them, or an effect puts one there."""
+    return structure.hose_burst_valve.separates or any(EFFECTS[name].holds for name in effects)
+
+
 @dataclass(frozen=True, eq=False)
 class Equations:
     """x' = derivative(x, u, p), y = outputs(x, u, p); all symbolic.
@@ -310,7 +315,7 @@ def full_model(
     p, e = w.p, w.e
     w.kinematics()
     p_a, p_b = w.add_pressure("head_pressure", "p_a"), w.add_pressure("rod_pressure", "p_b")
-    separates = structure.hose_burst_valve.separates or any(EFFECTS[name].holds for name in w.effects)
+    separates = valve_separates(structure, w.effects)
     p_h = w.add_pressure("hose_pressure", "p_h") if separates else p_a
     w.quantities |= {"angle": w.angle, "rate": w.rate, "head_pressure": p_a, "rod_pressure": p_b, "hose_pressure": p_h}
     q_o = structure.accumulators.flow(w, p_h)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from boom_model.catalogue import EFFECTS, active_effects
 from boom_model.components import payload
 from boom_model.components.payload import Step
-from boom_model.equations import namespace, valve_holds
+from boom_model.equations import namespace, valve_holds, valve_separates
 from boom_model.errors import MachineError, nearest
 from boom_model.learned import LearnedTerm
 from boom_model.rigid_body import locked_inertia
@@ -156,6 +156,11 @@ class Machine:
     def holds(self) -> bool:
         """As :func:`boom_model.equations.valve_holds`."""
         return valve_holds(self.structure, self.effects)
+
+    @property
+    def separates(self) -> bool:
+        """As :func:`boom_model.equations.valve_separates`."""
+        return valve_separates(self.structure, self.effects)
 
     def driven_by(self, measured: Container[str]) -> Machine:
         """The machine whose model is driven by those pressures of ``structure.DRIVING`` that are measured, not by its constants."""

@@ -63,7 +63,7 @@ def components(machine: Machine) -> dict[str, Any]:
     return {
         "accumulators": bool(accumulators),
         "cells": _CELLS[min(accumulators, 3)] if accumulators else (98,),
-        "hose_burst_valve": s.hose_burst_valve.separates or holds,
+        "hose_burst_valve": machine.separates,
         "holds": holds,
         "pilot_valves": s.pilot_valves.present,
         "compensator": s.supply.name is True,
