@@ -81,12 +81,13 @@ def html(result: DiagnosisResult, recordings: Sequence[Recording] = ()) -> str:
 
 
 def _proof(fit: Fit) -> list[tuple[str, tuple[float, ...]]]:
-    """Held-out errors before, after and at the noise floor, by column; none where nothing was held out."""
+    """Held-out errors by stage, as the headline calls them, and at the noise floor; none where nothing was held out."""
     if "nominal" not in fit.held_out:
         return []
-    columns = [("before" if "explained" in fit.held_out else "model", fit.held_out["nominal"])]
-    if "explained" in fit.held_out:
-        columns.append(("after", fit.held_out["explained"]))
+    before = ("parameters_only", "parameters") if "explained" in fit.held_out else ("nominal", "model")
+    columns = [
+        (word, fit.held_out[stage]) for stage, word in (before, ("explained", "explained")) if stage in fit.held_out
+    ]
     if len(fit.noise_floor) == len(PREDICTED):
         columns.append(("noise floor", fit.noise_floor))
     return columns
