@@ -71,6 +71,10 @@ def named(text: str) -> str:
     return text
 
 
+LIGHTEST = 1.0
+"""kg. Lighter loads are tonnes."""
+
+
 def load_mass(text: str) -> float:
     """A mass [kg] of 0 or more, or ``nan`` for one that is not known."""
     if text.lower() == "nan":
@@ -78,6 +82,8 @@ def load_mass(text: str) -> float:
     value = finite(text)
     if value < 0.0:
         raise argparse.ArgumentTypeError(f"{text} kg: a load is 0 or more, or nan where it is not known")
+    if 0.0 < value < LIGHTEST:
+        raise argparse.ArgumentTypeError(f"{text} kg: no load is that light; {1000 * value:g} for {text} t")
     return value
 
 

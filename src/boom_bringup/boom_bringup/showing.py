@@ -66,21 +66,27 @@ def progress(total: int) -> Iterator[Callable[[str, int], None]]:
 @contextmanager
 def _lines() -> Iterator[Callable[[str, int], None]]:
     begin, step, ended = time.monotonic(), "", threading.Event()
+    said = time.perf_counter()
 
     def say(text: str, _: int) -> None:
-        nonlocal step
+        nonlocal step, said
         if text and time.monotonic() - begin > QUIET:
             print(f"boom: {text}", file=sys.stderr, flush=True)
-        step = text or step
+        if text:
+            step, said = text, time.perf_counter()
 
     def remind() -> None:
-        before = step
-        while not ended.wait(SILENT):
-            if step == before:
+        nonlocal said
+        first = said
+        while not ended.wait(max(said + SILENT - time.perf_counter(), 0.0)):
+            now = time.perf_counter()
+            if now - said >= SILENT:
+                said = now
                 print(
-                    f"boom: still working after {time.monotonic() - begin:.0f} s: {step}", file=sys.stderr, flush=True
+                    f"boom: still working after {now - first:.0f} s{f': {step}' if step else ''}",
+                    file=sys.stderr,
+                    flush=True,
                 )
-            before = step
 
     reminding = threading.Thread(target=remind, daemon=True)
     reminding.start()

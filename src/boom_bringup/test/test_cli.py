@@ -373,6 +373,10 @@ def test_a_step_that_takes_long_is_told_again_in_a_log(monkeypatch, capsys):
         step("fitting effects", 0)
         assert told.wait(30.0)
     assert capsys.readouterr().err.startswith("boom: still working after 0 s: fitting effects\n")
+    told.clear()
+    with showing.progress(1):  # nothing has been said yet
+        assert told.wait(30.0)
+    assert capsys.readouterr().err.startswith("boom: still working after 0 s\n")
 
 
 def test_a_report_of_a_recording_with_anybodys_name_is_named_after_its_folder(tmp_path, monkeypatch):

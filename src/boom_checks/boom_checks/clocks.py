@@ -55,7 +55,11 @@ def clock_checks(
             measure, odds = running, gained
             said = _runs(measure, "/joint_states", float(series.time[-1]))
         elif names is CURRENTS and odds + PRIOR > 0.0 and (modelled := answer()):
-            measure = _beyond(measure, offset(modelled, boom, names, relation, allowed)[0])
+            own = offset(modelled, boom, names, relation, allowed)[0]
+            if allowed[0] < own.value < allowed[1]:
+                measure = _beyond(measure, own)
+            if measure.interval_90[0] <= 0.0 <= measure.interval_90[1]:  # the file knows of a dead time
+                continue
         if measure.name == "offset":
             way = "late" if measure.value > 0.0 else "early"
             said = f"the stamps are {way} against those of /joint_states by {abs(measure.value):.2f} s"
@@ -179,7 +183,7 @@ def _begun(series: EvenSeries) -> EvenSeries:
 
 
 def _carrying(series: EvenSeries, boom: Mechanics) -> float:
-    """The pressures carry the boom, and change when its motion does.
+    """The pressures carry the boom, and change when its motion does: levels and rates of change, which have little in common.
 
     Both, as a clock moves both: a valve at the cylinder of which the file does not know breaks the balance alone, and stamps
     that run away would seem to mend it.

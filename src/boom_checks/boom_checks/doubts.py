@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from boom_checks.check import RecordingCheck
 from boom_checks.clocks import clock_checks
 from boom_checks.commands import chatter_checks, frozen_checks, latched_checks
@@ -19,6 +21,8 @@ from boom_estimation.free_run import predict
 from boom_model.machine import Machine
 from boom_recording.recording import Recording
 
+MOVES = 0.2
+"""Share of the measured motion that a model must make for its lag to be that of a crane."""
 ALL = ("angle", "rate", "hose_pressure", "rod_pressure", "extend_current", "retract_current")
 """Signals without which only the samples themselves can be doubted."""
 
@@ -100,12 +104,15 @@ def checks_of(
 
 
 def _answer(recording: Recording, machine: Machine) -> EvenSeries | None:
-    """The recording with the motion that the model makes of its currents; None where it makes none."""
+    """The recording with the motion that the model makes of its currents; None where it makes none, or hardly any."""
     run = predict(recording, machine, "full")
     signals = dict(recording.signals)
     signals |= {n: replace(signals[n], values=run.values[n]) for n in ("angle", "rate") if n in signals}
-    series = even_series(replace(recording, signals=signals))
-    return series if series.known("angle", "rate") else None
+    series, measured = even_series(replace(recording, signals=signals)), even_series(recording)
+    if not series.known("angle", "rate"):
+        return None
+    moves = [float(np.nanstd(one.smooth("rate"))) for one in (series, measured)]
+    return series if moves[0] > MOVES * moves[1] else None
 
 
 def supply_pressure(machine: Machine) -> float:

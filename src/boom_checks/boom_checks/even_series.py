@@ -113,9 +113,12 @@ class EvenSeries:
 
         A boom rests there. What is smoothed moves along, as a delay and a filter may change places.
         """
-        at = np.clip(np.arange(len(self.time)) + steps, 0, len(self.time) - 1)
+        wanted = np.arange(len(self.time)) + steps
+        at = np.clip(wanted, 0, len(self.time) - 1)
         later = self.with_columns({name: self.columns[name][at] for name in names})
-        later._cache.update({(name, order): self.smooth(name, order)[at] for name in names for order in (0, 1)})
+        for name in names:
+            later._cache[name, 0] = self.smooth(name)[at]
+            later._cache[name, 1] = np.where(at == wanted, self.smooth(name, 1)[at], 0.0)
         return later
 
 

@@ -193,6 +193,9 @@ def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[RecordingC
         alike = [k for k in np.argsort(gains)[::-1] if k != best and gains[k] > gains[best] - ALIKE]
         found.append(_told(readings[best], [readings[k] for k in alike], series, boom, gains[best]))
         series = series.with_columns(readings[best].repair(series))
+        readings = [
+            reading for k, reading in enumerate(readings) if k != best
+        ]  # what is right once it is put right is told once
     return found, series
 
 

@@ -107,8 +107,9 @@ def test_before_its_start_and_behind_its_end_a_trajectory_stands_still() -> None
         ([TrajectoryPoint(1.0, 0.4, 0.2)], "rate of 0"),
         (
             [TrajectoryPoint(2.0, 0.35, 0.0, 3.0)],
-            "acceleration of 3 .* to 0.5.* and back; .* give an acceleration of 0",
+            "accelerations at points 0 and 1 the boom would go to 0.5.* and back: give 0",
         ),
+        ([TrajectoryPoint(t, 0.35, 0.0, 3.0) for t in (1.99, 2.0)], "accelerations at points 0 and 1 .* give 0"),
         ([TrajectoryPoint(0.0, 0.6), TrajectoryPoint(4.0, 0.5)], "away from the boom"),
         ([TrajectoryPoint(9.0, 1.6)], "moves between"),
         ([TrajectoryPoint(2.0, 1e308)], r"point 0 is at 1e\+308 rad: the boom moves between"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import hypot, sqrt
+from math import hypot, inf, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -549,6 +549,10 @@ def moved_tolerances(
     """Tolerances that the recordings moved, and the first of what is ``wrong`` in the machine file; deviations: of z."""
     numbers, nominal = case.values(point.z, {}), case.machine.values(case.pose)
     units = {c: p.specification.unit for p in case.machine.parameters.values() for c in p.specification.components}
+    limits = {
+        c: (p.specification.minimum, p.specification.maximum)
+        for p in case.machine.parameters.values() for c in p.specification.components
+    }  # fmt: skip
     units |= {f"effects.{effect.id}.{row.name}": row.unit for effect in CATALOGUE for row in effect.parameters}
     units |= {n.name: "s" for n in case.nuisances if n.name.startswith(CLOCKS)}
     units |= {row.key: row.unit for row in equation_of_motion.SPECIFICATIONS}
@@ -566,8 +570,9 @@ def moved_tolerances(
         unit = units.get(nuisance.name, "-")
         if told:  # no better than one that was looked up, and others make up for a wrong one in some other way, too
             spread = hypot(spread, Z90 * _looked_up(case, nuisance.name, value))
+        low, high = limits.get(nuisance.name, (-inf, inf))
         result[nuisance.name if told else nuisance.label or nuisance.name] = Estimate(
-            value, unit, (value - spread, value + spread)
+            value, unit, (max(value - spread, min(low, value)), min(value + spread, max(high, value)))
         )
     return result
 

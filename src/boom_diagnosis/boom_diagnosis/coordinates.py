@@ -128,8 +128,9 @@ def starts(
 def _of_told(effect: Effect, points: list[dict[str, float]], load: float) -> list[dict[str, float]]:
     """Starts of a load that is the one that is told: so heavy, and none where none is."""
     mass, told = (f"effects.{effect.id}.{name}" for name in (effect.parameters[0].name, effect.told))
-    known = {mass: load} | {f"effects.{effect.id}.{row.name}": load for row in effect.parameters if row.fixed}
-    return [{**point, **known} if point[told] else point for point in points if load > 0.0 or not point[told]]
+    fixed = {f"effects.{effect.id}.{row.name}": load for row in effect.parameters if row.fixed}
+    points = [{**point, **fixed} for point in points if load > 0.0 or not point[told]]
+    return [{**point, mass: load} if point[told] else point for point in points]
 
 
 def has_valleys(effect: Effect) -> bool:

@@ -88,4 +88,4 @@ def said_of_loads(given: Machine, before: Machine, after: Machine) -> Iterable[s
     found = {told: load for told, load in after.loads.items() if given.loads.get(told, told) != load}
     if found:
         said = ", ".join(f"{load:.4g} kg where {told:g} kg is told" for told, load in found.items())
-        yield f"loads as the recordings tell them, which machine.yaml has (payload.told): {said}"
+        yield f"loads that the recordings tell (machine.yaml has them as payload.told): {said}"

@@ -83,7 +83,7 @@ class Scanner:
 
     def __init__(self, problem: Problem, at: Point, jacobian: Array) -> None:
         self.problem, self.at = problem, at
-        self.load = problem.predictor.plant(0, frozenset()).pose.load
+        self.load = max(problem.predictor.plant(i, frozenset()).pose.load for i in range(len(problem.predictor.bags)))
         self.omega = weights(at)
         count = len(at.z)
         size = np.maximum(np.sqrt(np.sum(jacobian * jacobian, axis=0)), 1e-9)

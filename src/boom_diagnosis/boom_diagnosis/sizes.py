@@ -30,7 +30,7 @@ class MachineSize(NamedTuple):
         return {
             "Pa s/m^3": 1.0 / self.flow, "s/m^3": 1.0 / self.flow, "Pa s^2/m^6": self.flow**-2,
             "N m": self.torque, "N m/rad": self.torque, "N m s/rad": self.torque,
-            "rad/(N m)": 1.0 / self.torque, "kg": self.load,
+            "kg m": self.torque, "rad/(N m)": 1.0 / self.torque, "kg": self.load,
         }.get(unit, 1.0)  # fmt: skip
 
 

@@ -149,6 +149,17 @@ def test_a_spool_that_leaks_is_unknown_physics_at_the_main_valve_with_how_much_l
     assert [row.unknown for row in rows] == [("hose_flow",)]
 
 
+def test_a_telescope_that_creeps_is_unknown_physics_of_the_structure_with_the_moment_that_goes() -> None:
+    """In nobody's list: two hands' had been a load of -8 kg, and a friction that drifts."""
+    creeping = tz17().with_effects({"telescope_creep": {"d": -300.0, "T": 15.0}})
+    result = diagnose([noisy(creeping, 30.0, 1)], tz17())
+    found = result.document.findings[0]
+    assert (result.document.verdict, found.effect, found.subsystem) == ("unknown_physics", None, "structure")
+    assert found.document()["like"] == "telescope_creep"
+    low, high = found.parameters["d"].interval_90
+    assert low <= -300.0 <= high < 0.0
+
+
 def test_a_healthy_machine_has_no_mismatch() -> None:
     document = diagnose([noisy(tz17(), 24.0, 2)], tz17()).document
     assert document.verdict == "no_mismatch" and not document.findings

@@ -93,6 +93,8 @@ _UNIT_PRIOR = {"bar": 0.45, "MPa": 0.2, "Pa": 0.15, "kPa": 0.05, "hPa": 0.02, "p
                "mA": 0.5}  # fmt: skip
 _OTHER_DIMENSION = -8.0
 _MOST = 8
+_COUNTED = 20
+"""Equal steps that no measurement makes."""
 _CALLED = 3.0
 _CONTRACT = 40.0  # more than all that dynamics and ranges can say together
 
@@ -185,6 +187,8 @@ def candidates(columns: list[Column], signal: str) -> list[ColumnCandidate]:
     found: list[ColumnCandidate] = []
     for column in columns:
         stated, _, scale = units.parse(column.unit)
+        if not (column.by_type or column.signal) and _counts(column.values):
+            continue
         if stated is not None and not column.by_type and _of_something_else(stated, dimension):
             continue
         names = name_evidence(column, signal)
@@ -203,6 +207,12 @@ def candidates(columns: list[Column], signal: str) -> list[ColumnCandidate]:
                 found.append(ColumnCandidate(column, unit, "", names + score, told, scale))
     found.sort(key=lambda c: -c.score)
     return [c for c in found[:_MOST] if c.score > found[0].score - 25.0]
+
+
+def _counts(values: Floats) -> bool:
+    """Whether a column counts its rows, or the time."""
+    steps = np.diff(values)
+    return bool(len(steps) > _COUNTED and steps[0] != 0.0 and np.ptp(steps) <= 1e-6 * abs(steps[0]))
 
 
 def _of_something_else(stated: units.UnitOfMeasure, dimension: str) -> bool:

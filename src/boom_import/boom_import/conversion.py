@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from difflib import get_close_matches
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -82,9 +83,13 @@ def _column(columns: dict[str, Column], entry: SignalMap, joint: str, signal: st
     if found is None:
         named = [column for column in columns.values() if column.name == entry.column]
         found = named[0] if len(named) == 1 else None
+    if found is None and (own := entry.column.partition("/")[2]):  # of another run's files
+        named = [column for column in columns.values() if column.key.partition("/")[2] == own]
+        found = named[0] if len(named) == 1 else None
     if found is None:
-        has = quoted(", ".join(list(columns)[:12]), 200)
-        raise ImportingError(f"{signal}: there is no column '{quoted(entry.column, 60)}': there are {has}")
+        near = get_close_matches(entry.column, list(columns), 3, 0.0)
+        has = ", ".join(f"'{quoted(key, 60)}'" for key in near)
+        raise ImportingError(f"{signal}: there is no column '{quoted(entry.column, 60)}': the most alike are {has}")
     return found
 
 

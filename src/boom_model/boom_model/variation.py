@@ -49,7 +49,9 @@ def draw(machine: Machine, rng: np.random.Generator, most_effects: int = 2) -> V
     count = int(rng.integers(1, most_effects + 1))
     chosen = rng.choice(len(possible), size=count, replace=False)
     effects = {
-        possible[k].id: {row.name: float(rng.uniform(row.low, row.high)) for row in possible[k].parameters}
+        possible[k].id: {
+            row.name: float(rng.uniform(row.low, row.high)) for row in possible[k].parameters if not row.fixed
+        }
         for k in chosen
     }
     return Variation(

@@ -217,6 +217,20 @@ def test_friction_drifts_from_one_to_its_factor(p: Any, effects: Any, held: Any)
     assert [float(torque) / nominal for torque in torques] == pytest.approx([1.0, 3.0 - 2.0 / np.e, 3.0])
 
 
+def test_a_telescope_that_creeps_takes_its_moment_and_its_inertia_along(tz17: Any, effects: Any, held: Any) -> None:
+    """In the end 300 kg m less along the tip's direction, and 2 r |tip| times that of the inertia."""
+    q = namespace(tz17.values(tz17.pose(0.28, 2.8, 0.0)))
+    creep = {"d": -300.0, "T": 20.0, "r": 0.6}
+    reach = float(np.hypot(*np.ravel(q.pose.tip)))
+    along = float(q.pose.tip[0] * cos(0.2) - q.pose.tip[1] * sin(0.2)) / reach
+    for time, share in ((0.0, 0.0), (20.0, 1.0 - 1.0 / np.e), (1e4, 1.0)):
+        e = effects(held(elapsed_time=time), telescope_creep=creep)
+        torques = [float(equation_of_motion.gravity_torque(0.2, 0.0, q, terms)) for terms in (e, effects())]
+        assert torques[0] - torques[1] == pytest.approx(-300.0 * 9.81 * along * share)
+        a = float(e.through("angular_acceleration", 0.5, angle=0.2, rate=0.0, inertia=30_000.0, torque=15e3, p=q))
+        assert a == pytest.approx(0.5 * 30_000.0 / (30_000.0 - 2 * 0.6 * reach * 300.0 * share))
+
+
 @pytest.mark.parametrize(("rate", "bristle", "expected"), [(1e-3, 0.0, 1e3), (0.1, 4000.0, 0.0), (-0.1, -3000.0, 0.0)])
 def test_bristles_are_a_spring_before_and_coulomb_friction_in_sliding(
     p: Any, effects: Any, held: Any, rate: float, bristle: float, expected: float

@@ -95,7 +95,7 @@ _TOLD_EVERY = 500  # messages; some 5 s of a recording
 _SETTLE_S = 0.2  # the two ends of a connection learn of each other one after the other
 _ACKNOWLEDGE_S = 1.0
 _SEAM = 0.05
-"""rad, from the end of a reference to its beginning; further than that a controller follows none where it begins, either."""
+"""rad. A controller does not begin to follow a reference that is further away, either (its ``start_tolerance``)."""
 _SILENT_S = 1.5
 """After which it is told what is waited for."""
 

@@ -18,6 +18,8 @@ from boom_bringup.replica import machine_of, misfit
 from boom_bringup.showing import diagnose_next, progress
 
 if TYPE_CHECKING:
+    from boom_checks.doubts import FirstLook
+    from boom_model.machine import Machine
     from boom_recording.recording import Recording
 
 HELP = "run the model on recorded currents and compare it with the measurement"
@@ -54,7 +56,6 @@ def run(args: argparse.Namespace) -> int:
         recordings = load_all(args.bags, args, lambda text: step(text, 0))
         simulated = _simulated(args, recordings[0]) if args.simulated else None
 
-        from boom_checks.doubts import first_look
         from boom_identification.validation import Validation, validate
         from boom_model.errors import MachineError
         from boom_report.console import console_for
@@ -66,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         for bag, recording in zip(args.bags, recordings, strict=True):
             step(f"running the models over {recording.name}", 0)
             try:
-                looks.append(first_look(recording, machine))
+                looks.append(_look(recording, machine))
                 validation.bags.append(validate(recording, machine, simulated=simulated))
             except MachineError as error:
                 raise UsageError(misfit(bag, machine, recording.configuration, error)) from None
@@ -118,6 +119,16 @@ def run(args: argparse.Namespace) -> int:
     for line in diagnose_next(differing, args.machine, arguments.configuration_words(args)):
         console.print(line, markup=False, soft_wrap=True)
     return status
+
+
+def _look(recording: Recording, machine: Machine) -> FirstLook:
+    """Doubts and levels of a recording of this machine: by another crane's masses a sound one would be in doubt."""
+    from boom_checks.doubts import FirstLook, first_look
+
+    other = recording.configuration.machine
+    if other in ("", machine.name):
+        return first_look(recording, machine)
+    return FirstLook(recording.name, (), None, f"no doubts and no levels: it was recorded on machine '{other}'")
 
 
 def _simulated(args: argparse.Namespace, recording: Recording) -> Recording:

@@ -48,7 +48,7 @@ class ControlLoop:
         supervision: the state machine.
         sensors: their newest samples.
         references: the reference.
-        law: the control law. interlock: what stands against moving.
+        law, interlock: the control law; what stands against moving.
     """
 
     def __init__(

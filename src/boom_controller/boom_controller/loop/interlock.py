@@ -6,6 +6,7 @@ from boom_controller.loop.law_in_use import LawInUse
 from boom_controller.settings import LONGEST_SAMPLE_TIME
 from boom_controller.supervision.reasons import StopCause
 from boom_controller.supervision.sensor_set import SensorSet
+from boom_controller.supervision.sensors import BURST
 from boom_controller.supervision.state_machine import Supervision
 
 SLOWER = 1.4
@@ -44,17 +45,20 @@ class Interlock:
             return f"not ready: {self._law.preparing}"
         if self._law.controller is None:
             return "not ready: no /boom/machine_configuration yet"
-        slowest, period = self._sensors.slowest, self._law.settings.sample_time
-        if (spacing := slowest.spacing) > SLOWER * period:
-            return f"not ready: samples of the {slowest.label} come {_seldom(spacing, slowest.burst, period)}"
+        period = self._law.settings.sample_time
+        for sensor in (self._sensors.joint, self._sensors.hose, self._sensors.rod):
+            if seldom := _seldom(sensor.spacing, sensor.burst, period):
+                return f"not ready: samples of the {sensor.label} come {seldom}"
         finding = self.standing(now)
         return f"not ready: {finding.text}" if finding is not None else ""
 
 
 def _seldom(spacing: float, burst: float, period: float) -> str:
-    """How samples come that are too rare for a period, and what to do; all [s]."""
-    if burst:
+    """How samples come that are too rare for a period, and what to do; empty where they are not; all [s]."""
+    if burst > BURST * period:
         return f"in bursts, up to {1e3 * burst:.0f} ms apart: send each when it is measured"
+    if spacing <= SLOWER * period:
+        return ""
     said = f"every {1e3 * spacing:.0f} ms and sample_time is {1e3 * period:.0f} ms: "
     slow = spacing > LONGEST_SAMPLE_TIME
     return said + ("sample them faster" if slow else f"start the controller with sample_time:={spacing:.2g}")

@@ -51,7 +51,8 @@ class TrajectoryRequests:
             if not self._action.end(number, ending) and ending.text:
                 self._node.get_logger().warning(f"trajectory: {ending.text}")
         running = self._action.running
-        if running and stamp_ns - self._feedback_at >= 1e9 / self._values["feedback_rate"]:
+        since = stamp_ns - self._feedback_at  # below 0: a simulation's clock began again
+        if running and not 0 <= since < 1e9 / self._values["feedback_rate"]:
             self._feedback_at = stamp_ns
             for number in running:
                 progress = loop.goal_progress(number)

@@ -27,6 +27,8 @@ LOOK_AHEAD = 0.3
 """s. As far as the laws extend a reference by its derivatives, dead time and the valve's lag included; those of a shorter piece say
 nothing about the path that far on. Points of 0.01 to 0.3 s with rates of zero are followed so; with 0.2 s here those of 0.2 s are
 not."""
+THROWN = 0.05
+"""rad. Further than that no planner swings beyond a point; as far a trajectory may begin from the boom."""
 _SAMPLES = 25
 _REST_RATE = 1e-3
 _ROUNDING = 1e-6  # s
@@ -154,23 +156,32 @@ def plan(points: Sequence[TrajectoryPoint], present: Reference, measured: float,
         pieces, points = [Polynomial(first.angle)], [first, first]
     result = JointTrajectory([point.time for point in points], pieces, last.angle, smoothed=last.rate is None)
     _check_bounds(points, pieces, bounds)
-    _check_end(points, pieces, bounds)
+    _check_accelerations(points)
     return result
 
 
-def _check_end(points: Sequence[TrajectoryPoint], pieces: Sequence[Polynomial], bounds: Bounds) -> None:
-    """The last point may have the deceleration with which the boom comes to it, as planners write it, and no other acceleration."""
-    if not points[-1].acceleration:
-        return
-    ends, last = sorted(point.angle for point in points[-2:]), pieces[-1]
-    t = np.linspace(0.0, points[-1].time - points[-2].time, _SAMPLES)
-    angle = np.polynomial.polynomial.polyval(t, last.coefficients)
-    farthest = float(angle[np.argmax(np.maximum(ends[0] - angle, angle - ends[1]))])
-    if max(ends[0] - farthest, farthest - ends[1]) > bounds.start:
-        raise TrajectoryError(
-            f"the last point has an acceleration of {points[-1].acceleration:g} rad/s^2: the boom would go to {farthest:.3f} rad "
-            "and back; it holds there, so give an acceleration of 0"
+def _check_accelerations(points: Sequence[TrajectoryPoint]) -> None:
+    """A point may have the acceleration with which planners pass it, and none that throws the boom beyond both ends of a piece."""
+    for k, (a, b) in enumerate(pairwise(points)):
+        if not (a.acceleration or b.acceleration):
+            continue
+        (_, calm), (farthest, most) = (
+            _farthest(replace(a, acceleration=u), replace(b, acceleration=v))
+            for u, v in ((0.0, 0.0), (a.acceleration, b.acceleration))
         )
+        if most - calm > THROWN:
+            raise TrajectoryError(
+                f"by the accelerations at points {k} and {k + 1} the boom would go to {farthest:.3f} rad and back: give 0, "
+                "or points closer together"
+            )
+
+
+def _farthest(a: TrajectoryPoint, b: TrajectoryPoint) -> tuple[float, float]:
+    """Angle [rad] at which a piece is farthest beyond both of its ends, and by how much [rad]."""
+    low, high = sorted((a.angle, b.angle))
+    angle = np.polynomial.polynomial.polyval(np.linspace(0.0, b.time - a.time, _SAMPLES), _piece(a, b).coefficients)
+    beyond = np.maximum(low - angle, angle - high)
+    return float(angle[np.argmax(beyond)]), float(beyond.max())
 
 
 def _check_fields(points: Sequence[TrajectoryPoint], bounds: Bounds) -> None:

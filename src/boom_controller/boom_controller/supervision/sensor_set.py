@@ -108,11 +108,6 @@ class SensorSet:
         self._turned = math.inf
         self._watch_repeats()
 
-    @property
-    def slowest(self) -> SupervisedSensor:
-        """Of those that are required, the one whose samples come most seldom."""
-        return max((self.joint, self.hose, self.rod), key=lambda sensor: sensor.spacing)
-
     def complete(self, most_apart: float) -> bool:
         """True once each has delivered a new sample since :meth:`use`, all within ``most_apart`` [s].
 

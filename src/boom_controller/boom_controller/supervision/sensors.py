@@ -11,6 +11,7 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from boom_controller.supervision.reasons import StopCause
 
@@ -24,9 +25,9 @@ TOLD = 1.0
 LONGEST_GAP = 0.5
 """s, without a sample. Longer than any time-out: what the boom did meanwhile is not known."""
 INTERVALS = 20
-"""Between samples, whose mean tells how often they come: a bus may hand over several at once."""
+"""Between samples, which tell how often they come: a bus may hand over several at once."""
 BURST = 3.0
-"""Times that mean, of the longest of them: more than two samples lost in a row."""
+"""Times their mean: as much longer are those between two bursts."""
 FASTEST = 5.0
 """rad/s^2. No boom changes its rate faster."""
 
@@ -73,15 +74,18 @@ class SupervisedSensor:
 
     @property
     def spacing(self) -> float:
-        """Time [s] from one sample to the next; 0 before it is known."""
-        stamps = self._stamps
-        return (stamps[-1] - stamps[0]) / INTERVALS if len(stamps) > INTERVALS else 0.0
+        """Time [s] from one sample to the next, but for the longest, which may be a loss; 0 before it is known."""
+        return float(np.mean(self._gaps[:-1])) if len(self._gaps) else 0.0
 
     @property
     def burst(self) -> float:
-        """Longest time [s] between two of the last samples where they come unevenly; 0 where they do not."""
-        longest = max(np.diff(self._stamps), default=0.0)
-        return float(longest) if longest > BURST * self.spacing > 0.0 else 0.0
+        """Time [s] between two bursts of samples, the second longest of the last ones; 0 where they come evenly."""
+        return float(self._gaps[-2]) if len(self._gaps) and self._gaps[-2] > BURST * self.spacing else 0.0
+
+    @property
+    def _gaps(self) -> NDArray[np.float64]:
+        """Times [s] between the last samples, the longest last; empty before there are enough."""
+        return np.sort(np.diff(self._stamps)) if len(self._stamps) > INTERVALS else np.zeros(0)
 
     def take(self, values: tuple[float, ...], stamp: float, measured: float, doubt: StopCause | None = None) -> bool:
         """Accept a sample with its stamp [s] and its time of measurement on our clock [s]. False if it is not used.
@@ -98,7 +102,8 @@ class SupervisedSensor:
             return False
         if (step or stamp <= self.stamp) and self._telling < CONFIRMED:
             return False  # not sure yet; or the same again, or overtaken, which makes nothing younger
-        self._set = (step, measured) if step else self._set
+        if step:  # by a clock that has not heard of it yet the sample is old
+            self._set = (step, max(measured, self.measured))
         self.clock_set, self._telling = step, 0
         if step or stamp - self.stamp > LONGEST_GAP:
             self._stamps.clear()
@@ -110,8 +115,9 @@ class SupervisedSensor:
     def _stepped(self, stamp: float, measured: float) -> float:
         """By how much [s] a stamp leaves our clock against the good sample before, or 0; those that agree are counted."""
         step = (stamp - measured) - (self.stamp - self.measured) if self.measured > -math.inf else 0.0
-        own = math.isinf(self.clock_step)
-        if abs(step) <= self.clock_step and not (own and stamp < self.stamp - LONGEST_GAP):
+        if math.isinf(self.clock_step):
+            step = min(stamp - self.stamp, 0.0) if self.measured > -math.inf else 0.0
+        if abs(step) <= min(self.clock_step, LONGEST_GAP):
             self._telling = 0
             return 0.0
         self._telling = self._telling + 1 if abs(step - self._step) <= self.clock_step else 1
@@ -128,10 +134,10 @@ class SupervisedSensor:
             return self._last_bad
         step, when = self._set
         if now - when < TOLD:
-            way = "forward" if step > 0.0 else "back"
-            text = f"the stamps of the {self.label} went {way} by {abs(step):.3g} s against the steady clock here"
-            why = "did the bag or the simulation begin again" if math.isinf(self.clock_step) else "was the clock set"
-            return StopCause("clock_set", f"{text}: {why}?")
+            text = f"the stamps of the {self.label} went {'forward' if step > 0.0 else 'back'} by {abs(step):.3g} s"
+            if math.isinf(self.clock_step):
+                return StopCause("clock_set", f"{text}: did the bag or the simulation begin again?")
+            return StopCause("clock_set", f"{text} against the steady clock here: was the clock set?")
         age = now - self.measured
         if age > timeout and self.bad:
             return self._last_bad

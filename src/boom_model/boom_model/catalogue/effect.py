@@ -16,7 +16,7 @@ Term = Callable[[Expression, Any, Any], Expression]
 
 QUANTITIES: dict[str, str] = {
     "load_mass": "m at the tip [kg]; at.position of the piston",
-    "gravity_torque": "g(q_2) [N m]; at.angle",
+    "gravity_torque": "g(q_2) [N m]; at.angle, at.p",
     "coulomb_friction": "tau_C, its size without direction [N m]; at.angle, at.rate",
     "sliding_friction": "tau_C tanh(w / sigma) [N m]; at.rate, at.coulomb",
     "friction_torque": "tau_f [N m]; at.angle, at.rate",

@@ -24,7 +24,7 @@ from boom_model.state import State
 def _acceleration(_: Expression, own: Any, at: Any) -> Expression:
     swing, swing_rate = own.state("swing_angle"), own.state("swing_rate")
     length, g, tip = own.length, at.p.constants.g, at.p.pose.tip
-    heavier = ca.if_else(own.load > 0.0, at.p.pose.load / ca.fmax(own.load, 1.0), 1.0)
+    heavier = ca.if_else(own.load > 0.0, at.p.pose.load / ca.if_else(own.load > 0.0, own.load, 1.0), 1.0)
     m = own.mass * (1 + own.told * (heavier - 1))
     x = tip[0] * ca.cos(at.angle) - tip[1] * ca.sin(at.angle)
     y = tip[0] * ca.sin(at.angle) + tip[1] * ca.cos(at.angle)
@@ -47,7 +47,7 @@ EFFECT = Effect(
         parameter("length", "m", 1.5, (0.8, 3.0), (0.1, 20.0), "length of the pendulum", positive=True,
                   starts=(0.6, 0.8, 1.05, 1.4, 1.8, 2.4, 3.2)),
         parameter("zeta", "-", 0.02, (0.005, 0.1), (0.0, 2.0), "damping ratio of the pendulum", positive=True),
-        parameter("told", "-", 0.0, (0.0, 1.0), (0.0, 1.0), "share of it that is of the load told: 0 beside that, 1 is it",
+        parameter("told", "-", 0.0, (0.0, 1.0), (0.0, 1.0), "share of it that is the load told: 1 all of it, 0 another one",
                   starts=(0.0, 1.0)),
         parameter("load", "kg", 0.0, (0.0, 1500.0), (0.0, 1e5), "load told where mass was found; 0: mass is the same with any",
                   fixed=True),

@@ -43,7 +43,9 @@ def gravity_torque(angle: Expression, load: Expression, p: Any, e: Any) -> Expre
     """g(q_2) [N m] at the boom angle q_2 [rad] with the load [kg]."""
     along = p.pose.Sx + load * p.pose.tip[0]
     across = p.pose.Sy + load * p.pose.tip[1]
-    return e.through("gravity_torque", p.constants.g * (along * ca.cos(angle) - across * ca.sin(angle)), angle=angle)
+    return e.through(
+        "gravity_torque", p.constants.g * (along * ca.cos(angle) - across * ca.sin(angle)), angle=angle, p=p
+    )
 
 
 def torque(gravity: Expression, jacobian: Expression, force: Expression, friction: Expression) -> Expression:

@@ -75,9 +75,12 @@ class Question:
             value = float(str(given).strip().removesuffix(self.unit or "\n").replace(",", "."))
         except ValueError:
             value = float("nan")
-        if isinstance(given, bool) or not isfinite(value) or not self.low <= value <= self.high:
+        if isinstance(given, bool) or not isfinite(value):
+            raise MachineError(f"{self.key}: {given} is no number".rstrip())
+        if not self.low <= value <= self.high:
+            meant = f"; did you mean {value / 1000:g} {self.unit}?" if self.low <= value / 1000 <= self.high else ""
             raise MachineError(
-                f"{self.key}: {given} is no number of {self.low:g} .. {self.high:g} {self.unit}".rstrip()
+                f"{self.key}: {given} is not in {self.low:g} .. {self.high:g} {self.unit}{meant}".rstrip()
             )
         return value
 

@@ -84,7 +84,8 @@ def _proof(fit: Fit) -> list[tuple[str, tuple[float, ...]]]:
     """Held-out errors by stage, as the headline calls them, and at the noise floor; none where nothing was held out."""
     if "nominal" not in fit.held_out:
         return []
-    before = ("parameters_only", "parameters") if "explained" in fit.held_out else ("nominal", "model")
+    both = {"explained", "parameters_only"} <= set(fit.held_out)
+    before = ("parameters_only", "parameters only") if both else ("nominal", "model")
     columns = [
         (word, fit.held_out[stage]) for stage, word in (before, ("explained", "explained")) if stage in fit.held_out
     ]
