@@ -155,12 +155,6 @@ def the_crane_reports_no_current(samples: int = 20) -> None:
     rclpy.shutdown(context=context)
 
 
-def test_a_reference_that_ends_elsewhere_than_it_begins_is_not_looped(start: Start) -> None:
-    replay = start("replay", bag=str(BAG), what="reference", loop=True, start=4.0, duration=12.0)
-    assert replay.ends() == 2
-    assert re.search(r"the reference ends 0\.2\d rad away from its beginning", replay.text())
-
-
 def test_without_the_replay_the_crane_closes_its_valve_and_says_so(chain: dict[str, Node], tmp_path: Path) -> None:
     chain["replay"].kill()
     chain["simulation"].says(r"no current command for 100 ms: the valve is closed")

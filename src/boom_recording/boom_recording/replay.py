@@ -22,6 +22,7 @@ Masked samples are not replayed. Where the currents are unknown for more than 50
 closes) until they are known again. A reference is held.
 """
 
+import math
 from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -36,6 +37,8 @@ PERIOD_NS = 10_000_000
 COMMANDS = "commands"
 REFERENCE = "reference"
 CONTENTS = (COMMANDS, REFERENCE)
+RETURN = 0.1
+"""rad/s. Cranes follow that in all poses."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +105,17 @@ def part(everything: list[ReplaySample], start_s: float, duration_s: float) -> l
             f"nothing to replay from {start_s:g} s on: the recording ends at {last:.1f} s; lower 'start'"
         )
     return chosen
+
+
+def with_way_back(chosen: list[ReplaySample]) -> list[ReplaySample]:
+    """A reference with a way from its end to its beginning behind it, at ``RETURN`` at most: repeated it does not jump."""
+    (begin,), (end,) = chosen[0].values, chosen[-1].values
+    count = math.ceil(0.5 * math.pi * abs(begin - end) / RETURN * 1e9 / PERIOD_NS)
+    turned = [0.5 - 0.5 * math.cos(math.pi * k / count) for k in range(1, count)]
+    return chosen + [
+        ReplaySample(chosen[-1].stamp_ns + (k + 1) * PERIOD_NS, (end + share * (begin - end),))
+        for k, share in enumerate(turned)
+    ]
 
 
 def apart(chosen: list[ReplaySample]) -> float:

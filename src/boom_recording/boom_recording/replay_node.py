@@ -55,7 +55,7 @@ PARAMETERS = (
     ),
     ParameterSpec("start", 0.0, "start within the recording", "s", 0.0, 1e6, read_only=True),
     ParameterSpec("duration", 0.0, "duration to replay, 0 = to the end", "s", 0.0, 1e6, read_only=True),
-    ParameterSpec("loop", False, "restart at the end", read_only=True),
+    ParameterSpec("loop", False, "restart at the end; a reference is led back slowly", read_only=True),
     ParameterSpec(
         "paused", False, "wait for the service ~/pause (data: false) before the first message", read_only=True
     ),
@@ -94,8 +94,6 @@ _MOST_APART_S = 0.9 * LONGEST_SILENCE_S
 _TOLD_EVERY = 500  # messages; some 5 s of a recording
 _SETTLE_S = 0.2  # the two ends of a connection learn of each other one after the other
 _ACKNOWLEDGE_S = 1.0
-_SEAM = 0.05
-"""rad. A controller does not begin to follow a reference that is further away, either (its ``start_tolerance``)."""
 _SILENT_S = 1.5
 """After which it is told what is waited for."""
 
@@ -123,12 +121,8 @@ class ReplayNode(Node):
                 f"at a rate of {values.rate:g} samples go out {1e3 * apart:.0f} ms apart, and a valve is closed after "
                 f"{1e3 * LONGEST_SILENCE_S:.0f} ms without one: give a rate of at least {least:.2g}"
             )
-        seam = abs(self._samples[-1].values[0] - self._samples[0].values[0])
-        if values.loop and values.what == replay.REFERENCE and seam > _SEAM:
-            raise StartError(
-                f"the reference ends {seam:.2g} rad away from its beginning, and a boom would rush there at each repetition: loop "
-                f"a part that ends within {_SEAM:g} rad (start, duration), or leave loop out"
-            )
+        if values.loop and values.what == replay.REFERENCE:
+            self._samples = replay.with_way_back(self._samples)
         for warning in recording.warnings:
             self.get_logger().warning(f"{values.bag}: {warning}")
         self._duration_s = (self._samples[-1].stamp_ns + replay.PERIOD_NS) / 1e9

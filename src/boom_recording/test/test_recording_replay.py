@@ -206,3 +206,15 @@ def test_over_can_each_tick_gets_the_current_nearest_to_it() -> None:
         assert answer is not None
         values.append(answer.values[0])
     assert values == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+def test_a_reference_that_is_looped_comes_back_to_its_beginning_slowly() -> None:
+    """The boom had rushed there at each repetition, as fast as the valve lets it."""
+    chosen = [ReplaySample(10 * MS * k, (0.6 - 0.0003 * k,)) for k in range(1000)]
+    looped = replay.with_way_back(chosen)
+    assert looped[: len(chosen)] == chosen and abs(chosen[0].values[0] - chosen[-1].values[0]) > 0.2
+    angles = np.array([sample.values[0] for sample in (*looped, looped[0])])
+    times = np.array([sample.stamp_ns for sample in looped] + [looped[-1].stamp_ns + replay.PERIOD_NS])
+    rates = np.diff(angles) / np.diff(times) * 1e9
+    assert np.abs(rates[len(chosen) - 1 :]).max() <= replay.RETURN + 1e-6
+    assert replay.with_way_back(chosen[:1]) == chosen[:1]

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="start [s] (default: 0)")
     parser.add_argument("--duration", type=arguments.positive, metavar="S", help="duration [s] (default: to the end)")
     arguments.add_joint(parser)
-    parser.add_argument("--loop", action="store_true", help="restart at the end")
+    parser.add_argument("--loop", action="store_true", help="restart at the end; a reference is led back slowly")
     parser.add_argument("--paused", action="store_true", help="wait for the service /boom_replay/pause (data: false)")
     parser.add_argument("--clock", action="store_true", help="publish the replayed time on /clock")
     parser.add_argument(
