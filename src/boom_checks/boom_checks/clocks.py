@@ -56,7 +56,7 @@ def clock_checks(
             said = _runs(measure, "/joint_states", float(series.time[-1]))
         elif names is CURRENTS and odds + PRIOR > 0.0 and (modelled := answer()):
             own = offset(modelled, boom, names, relation, allowed)[0]
-            if allowed[0] < own.value < allowed[1]:
+            if -FARTHEST < own.value <= allowed[1]:
                 measure = _beyond(measure, own)
             if measure.interval_90[0] <= 0.0 <= measure.interval_90[1]:  # the file knows of a dead time
                 continue

@@ -147,6 +147,22 @@ def test_currents_whose_clock_is_late_are_so_by_more_than_the_motion_follows_the
     assert all(check.measure.interval_90[0] <= offset <= check.measure.interval_90[1] for check in found)
 
 
+def test_a_dead_time_that_the_file_knows_is_no_clock() -> None:
+    recording = late(load(BAGS / "healthy" / "extended"), -0.3, "retract_current", "extend_current")
+    assert "clock" in [check.kind for check in checks(recording, TZ17)]
+    told = TZ17.with_effects({"command_delay": {"T": 0.3}})
+    assert "clock" not in [check.kind for check in checks(recording, told)]
+
+
+def test_a_fault_of_a_reading_is_told_once() -> None:
+    """Against another crane's file an angle had been 90 degrees too small, and 90 degrees too small again."""
+    recording = load(BAGS / "healthy" / "extended")
+    far = changed(recording, angle=recording.signals["angle"].values - np.pi)
+    found, _ = reading_checks(even_series(far), mechanics(TZ17, far))
+    told = [check.sentence.split(" (")[0] for check in found]
+    assert any("90 degrees" in sentence for sentence in told) and len(set(told)) == len(told)
+
+
 def running(recording: Recording, percent: float, *names: str) -> Recording:
     """The same log, the stamps of these signals running fast."""
     signals = dict(recording.signals)

@@ -89,6 +89,18 @@ def test_only_the_baseline_compensates_friction_at_the_wanted_rate(machine: Mach
     assert found["printed"] - found["wanted"] == pytest.approx((q.friction - q.friction_wanted) / q.jacobian, rel=1e-6)
 
 
+def test_a_load_holding_valve_of_an_effect_has_its_own_drop_in_the_law(machine: Machine) -> None:
+    """It stands in place of the hose burst valve, whose drop had been taken: 3 t of load that is not there."""
+    valve = {"p_set": 1.2e7, "p_check": 2e5, "r_check": 8.4e8}
+    holding = machine.with_effects({"load_holding_valve": valve})
+    at = OperatingPoint(ANGLE, 0.1, 5e6, 1e6, ANGLE, 0.1, 0.0, 0.0, 0.0)
+    lifting, lowering = (ControlModel(holding, machine.pose(0.28, 2.2)).at(at._replace(rate=r)) for r in (0.1, -0.1))
+    area = float(holding.parameters["cylinder.A_a"].value[0])
+    drop = 2e5 + 8.4e8 * area * lifting.jacobian * 0.1
+    assert (lifting.friction - lifting.sliding) / (area * lifting.jacobian) == pytest.approx(drop, rel=1e-3)
+    assert lowering.friction == pytest.approx(lowering.sliding)
+
+
 def test_the_feedforward_force_is_what_the_equation_of_motion_needs(machine: Machine) -> None:
     model = ControlModel(machine, machine.pose(0.28, 2.2))
     q = model.at(OperatingPoint(ANGLE, 0.0, 0.0, 0.0, ANGLE, 0.1, 0.3, 0.0, 0.0))

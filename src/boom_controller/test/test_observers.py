@@ -67,6 +67,20 @@ def test_no_estimated_load_leaves_a_light_boom_without_inertia(
     assert float(x.load) == pytest.approx(-500.0 if left is None else (left - inertia) / reach)
 
 
+def test_what_the_boom_needs_tells_nothing_of_its_load(machine: Machine) -> None:
+    """Behind a load-holding valve the force is known in part: the load moves by that part of what the gyro shows."""
+    pose = machine.pose(0.28, 2.2)
+    model = ControlModel(machine, pose)
+    observer = LoadObserver(Modes(machine, pose, model.p), model.p)
+    settings = SimpleNamespace(**vars(S), **observer.gains(S))
+    q = model.at(OperatingPoint(0.4, -0.1, 8e6, 1e6, 0.4, -0.1, 0.0, 0.0, 0.0))
+    shown = Measurement(0.0, 0.4, -0.1, 8e6, 1e6)
+    whole, part, none = (
+        float(observer.step(observer.start, q, shown, 0.0, settings, known).load) for known in (1.0, 0.25, 0.0)
+    )
+    assert whole != 0.0 and part == pytest.approx(0.25 * whole) and none == 0.0
+
+
 def test_a_configured_load_that_is_not_there_is_found_missing(machine: Machine) -> None:
     pose = replace(machine.pose(0.28, 2.2), load=1000.0)
     model = ControlModel(machine, pose)

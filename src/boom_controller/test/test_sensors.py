@@ -117,6 +117,28 @@ def test_a_clock_that_begins_again_is_believed_and_told_and_what_is_late_is_not(
     assert made.hose.finding(1.7, 0.05, 3) is None
 
 
+def test_a_clock_that_begins_again_is_told_for_a_second_though_samples_precede_it() -> None:
+    """They seem 5 s old by a /clock that has not heard of it yet, and the telling was over before it began."""
+    made = SensorSet()
+    made.trust_no_clock()
+    for k in range(60):
+        stamp = 0.01 * k if k < 50 else 0.01 * (k - 50) - 5.0
+        old = 5.5 if 50 <= k < 53 else 0.0
+        made.take_hose(5e6, stamp, 0.01 * k - old)
+    finding = made.hose.finding(0.6, 0.05, 3)
+    assert finding is not None and finding.reason == "clock_set" and "back by 5.48 s" in finding.text
+
+
+@pytest.mark.parametrize(("apart", "burst"), [(0.001, True), (0.01, False)])
+def test_a_fifo_that_is_read_every_100_ms_is_a_burst_and_one_loss_is_none(apart: float, burst: bool) -> None:
+    made, stamp = sensor(), 0.0
+    for k in range(45):
+        made.take((5e6,), stamp, 10.0 + stamp)
+        stamp += 0.1 - 9 * apart if burst and k % 10 == 9 else 0.3 if not burst and k == 40 else apart
+    assert (made.burst > 0.05) == burst
+    assert made.spacing == pytest.approx(5.5 * apart if burst else apart, rel=0.2)
+
+
 def test_samples_that_come_in_bursts_are_told_as_that() -> None:
     made = sensor()
     for k in range(60):

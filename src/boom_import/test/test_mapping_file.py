@@ -71,6 +71,21 @@ def test_pose_and_load_of_the_source_stay_where_the_mapping_says_nothing() -> No
     assert conversion.convert("made", source(), replace(told, q3=0.1, q4=0.2)).configuration.machine == ""
 
 
+def test_a_mapping_of_several_files_fits_those_of_the_next_run() -> None:
+    """Columns bear the name of their file: run b had needed sed."""
+    told = replace(WHOLE, signals={n: replace(s, column=f"run_a/{s.column}") if isinstance(s, SignalMap) else s
+                                   for n, s in WHOLE.signals.items()})  # fmt: skip
+    own = source()
+    own.columns[:] = [replace(c, key=f"run_b/{c.key}") for c in own.columns]
+    assert set(conversion.convert("made", own, told).signals) == set(conversion.convert("made", source(), WHOLE).signals)
+
+
+def test_a_column_that_counts_is_no_signal() -> None:
+    columns = [Column("Index", "Index", "", np.arange(200, dtype=np.int64), np.arange(200.0)),
+               Column("p", "p", "", np.arange(200, dtype=np.int64), 100.0 + np.sin(np.arange(200.0)))]  # fmt: skip
+    assert {c.column.key for c in candidates(columns, "hose_pressure")} == {"p"}
+
+
 def test_a_mapping_is_applied() -> None:
     made = conversion.convert("made", source(), WHOLE)
     angle = np.deg2rad(30.0 * np.sin(0.01 * np.arange(100)))

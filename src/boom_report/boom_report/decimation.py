@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+LOST = 3.0
+"""Times the usual distance of samples, between which some were lost."""
 POINTS = 4000
 """So many points a trace at most, breaks not counted."""
 
@@ -20,7 +22,7 @@ def decimate(time: Array, values: Array, points: int = POINTS, gap: float = 0.05
         time: (n,) [s], increasing.
         values: (n,); NaN where there is nothing to show.
         points: so many at most are left, where there are more.
-        gap: [s]. Samples further apart are not joined by a line.
+        gap: [s]. Samples further apart are not joined by a line, nor three times as far as usual.
 
     Returns:
         time and values of the points, with one NaN wherever the line is to be broken.
@@ -36,7 +38,9 @@ def decimate(time: Array, values: Array, points: int = POINTS, gap: float = 0.05
         chosen = np.unique(np.concatenate((smallest, largest)))
     # A break lies between neighbouring samples, whether or not both are drawn: where a sample is missing, or known to
     # be wrong.
-    broken = np.concatenate(([0], np.cumsum((np.diff(known) > 1) | (np.diff(time[known]) > gap))))
+    apart = np.diff(time[known])
+    lost = max(gap, LOST * float(np.median(apart))) if len(apart) else gap
+    broken = np.concatenate(([0], np.cumsum((np.diff(known) > 1) | (apart > lost))))
     stretch = broken[np.searchsorted(known, chosen)]
     at = np.flatnonzero(np.diff(stretch)) + 1
     return np.insert(time[chosen], at, time[chosen][at]), np.insert(values[chosen], at, np.nan)

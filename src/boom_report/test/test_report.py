@@ -225,6 +225,13 @@ def test_a_line_is_broken_where_samples_are_missing_or_masked():
     assert decimate(time, np.full(6, np.nan))[0].size == 0
 
 
+def test_slow_samples_are_joined_and_a_loss_among_them_is_not():
+    """Of a channel of 20 Hz every line had been dotted."""
+    time = np.arange(100) * 0.05 + 0.004 * np.sin(np.arange(100))
+    time[60:] += 0.3
+    assert np.isnan(decimate(time, np.sin(time))[1]).sum() == 1
+
+
 def test_breaks_survive_the_reduction_of_points():
     time = np.concatenate((np.arange(50_000), np.arange(50_000) + 70_000)) * 0.01
     _, y = decimate(time, np.sin(time))

@@ -7,7 +7,7 @@ from boom_model.machine_file import shipped_machine
 from boom_report.packing import STEPS, compressed, inflated, steps
 from boom_report.view.page import recording_page
 from boom_report.view.scene import scene
-from boom_report.view.series import Series, limits
+from boom_report.view.series import Series, limits, on_grid
 
 
 def unpacked(packed):
@@ -57,3 +57,11 @@ def test_a_hostile_name_stays_text():
     text = recording_page(scene(machine, machine.tabulated[0]), Series(evil, 0.01, values, {}, {}), evil)
     assert "alert(1)</script>" not in text and "default-src 'none'" in text
     assert evil in inflated(compressed(evil))
+
+
+def test_slow_sensors_are_known_between_their_samples_and_not_where_some_are_lost():
+    """At 20 Hz two of three frames had no angle, and the marks where machine and model part were a barcode."""
+    time = np.delete(np.arange(200) * 0.05, np.arange(100, 110))
+    shown = on_grid({"angle": time}, {"angle": np.sin(time)}, 0.02, 499)["angle"]
+    unknown = np.flatnonzero(np.isnan(shown)) * 0.02
+    assert unknown.min() > 4.95 and unknown.max() < 5.5 and len(unknown) > 20

@@ -100,8 +100,15 @@ def _rms(error: Array, width: int) -> Array:
     return np.where(known, rms, 0.0)
 
 
+NEXT = 0.75
+"""Times between two samples, from one of them: with some jitter the next one is nearer."""
+
+
 def on_grid(time: Mapping[str, Array], values: Mapping[str, Array], period: float, count: int) -> dict[str, Array]:
-    """Samples at their own times (n,) [s] on a grid of ``count`` periods: the nearest within one period, NaN without."""
+    """Samples at their own times (n,) [s] on a grid of ``count`` periods: the nearest within one period, NaN without.
+
+    Of a channel that is sampled more seldom, the nearest where no sample is lost.
+    """
     at = np.arange(count) * period
     result = {}
     for name, v in values.items():
@@ -112,7 +119,8 @@ def on_grid(time: Mapping[str, Array], values: Mapping[str, Array], period: floa
             right = np.clip(np.searchsorted(own, at), 0, len(own) - 1)
             left = np.maximum(right - 1, 0)
             nearest = np.where(np.abs(own[left] - at) < np.abs(own[right] - at), left, right)
-            near = np.abs(own[nearest] - at) <= period
+            usual = float(np.median(np.diff(own))) if len(own) > 1 else 0.0
+            near = np.abs(own[nearest] - at) <= max(period, NEXT * usual)
             column[near] = v[nearest[near]]
         result[name] = column
     return result
