@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from boom_import import conversion, mapping
+from boom_import.candidates import candidates
 from boom_import.errors import ImportingError
 from boom_import.mapping import Mapping, SignalMap
 from boom_import.source import Column, Source
@@ -77,7 +78,9 @@ def test_a_mapping_of_several_files_fits_those_of_the_next_run() -> None:
                                    for n, s in WHOLE.signals.items()})  # fmt: skip
     own = source()
     own.columns[:] = [replace(c, key=f"run_b/{c.key}") for c in own.columns]
-    assert set(conversion.convert("made", own, told).signals) == set(conversion.convert("made", source(), WHOLE).signals)
+    assert set(conversion.convert("made", own, told).signals) == set(
+        conversion.convert("made", source(), WHOLE).signals
+    )
 
 
 def test_a_column_that_counts_is_no_signal() -> None:
