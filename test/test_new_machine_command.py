@@ -85,9 +85,10 @@ def test_a_lift_tells_the_lifting_edge_and_the_manoeuvre_that_is_proposed_tells_
     document = json.loads(found.read_text())
     now, then = ({row["parameter"]: row for row in rows} for rows in (document["told"], document["manoeuvre"]["told"]))
     edge = "main_valve_orifices.A_{}_max"
-    assert now[edge.format("sa")]["told"] == "told"
+    # with the form of its notches open, too, an edge's area is told together with that
+    assert now[edge.format("sa")]["told"] in ("told", "only together")
     assert now[edge.format("sb")]["told"] == "not"
-    assert then[edge.format("sb")]["told"] == "told"
+    assert then[edge.format("sb")]["told"] in ("told", "only together")
     assert (
         "45 %" in document["recordings"][0]["coverage"][0]
         or "% of the range" in document["recordings"][0]["coverage"][0]

@@ -80,7 +80,7 @@ print(json.dumps({
     "statement": statement(finding),
     "documented": "| `hose_bundle` | `structure` |" in theory.effects_table(),
     "concealed": "hose_bundle" in KNOWN and set(hidden.changes) <= set(Quantities._fields),
-    "place": list(EFFECTS).index("hose_bundle") - list(EFFECTS).index("giving_base"),
+    "place": list(EFFECTS).index("hose_bundle") - list(EFFECTS).index("telescope_creep"),
 }))
 """
 

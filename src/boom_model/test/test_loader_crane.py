@@ -118,6 +118,24 @@ def test_a_passage_in_series_adds_its_drop_to_that_of_the_edge(loader: Machine) 
             assert 1 / float(both) ** 2 == pytest.approx(1 / float(edge) ** 2 + 1 / square)
 
 
+def test_an_edge_has_notches_of_its_own_where_the_file_says_so(loader: Machine) -> None:
+    """A_e = A_e_max w^(n + dn_e) exp(4 b_e w (1 - w)); none where it says nothing."""
+    formed = guessed(
+        loader, **{key: {"value": v, "unit": "-"} for key, v in (("dn_ta", 0.2), ("b_ta", -0.1), ("b_sa", 0.05))}
+    )
+    plain, own = (namespace(m.values(m.pose(*POSE))) for m in (loader, formed))
+    o = plain.main_valve_orifices
+    for position, steeper, fuller in ((4e-3, (0.0, 0.2), (0.0, -0.1)), (-4e-3, (0.0, 0.0), (0.05, 0.0))):
+        x = abs(position + o.x_n * plain.main_valve_spool.s_max * 0.0) / plain.main_valve_spool.s_max
+        edges = ("sb", "ta") if position > 0 else ("sa", "tb")
+        before, after = (four_edges.areas(position, p, Terms({})) for p in (plain, own))
+        for edge, one, other, dn, b in zip(edges, before, after, steeper, fuller, strict=True):
+            w = (x - getattr(o, f"x0_{edge}")) / (1 - getattr(o, f"x0_{edge}"))
+            assert float(other) / float(one) == pytest.approx(w**dn * np.exp(4 * b * w * (1 - w)), rel=0.02)
+    with pytest.raises(MachineError, match="b_ta: write"):
+        guessed(loader, b_ta=0.5)
+
+
 def test_a_file_without_a_passage_has_none_and_guessed_areas_leave_one_open(loader: Machine) -> None:
     area = loader.document["main_valve_orifices"]["A_sa_max"]
     known = guessed(loader, A_sa_max={"value": area["value"], "unit": "m^2", "tol": 0.1})

@@ -109,11 +109,20 @@ def overlap(position: Expression, p: Any, e: Any, edge: str = "supply") -> Expre
     return e.through("overlap", p.main_valve_orifices.x0, position=position, edge=edge)
 
 
-def opening(position: Expression, x0: Expression, p: Any) -> Expression:
-    """u [-] at the spool position s_s [m] of an edge with the overlap x_0 [-]."""
+def opening(
+    position: Expression, x0: Expression, p: Any, steeper: Expression = 0.0, fuller: Expression = 0.0
+) -> Expression:
+    """u [-] at the spool position s_s [m] of an edge with the overlap x_0 [-] and the exponent n + ``steeper``.
+
+    fuller: logarithm of the factor half way between shut and open [-], 0 at both ends.
+    """
     x = ca.fmin(ca.fabs(position) / p.main_valve_spool.s_max, LARGEST_OPENING)
     u = (x - x0) / (1 - x0)
-    return ca.if_else(u > 0, power(ca.fmax(u, SMALLEST_OPENING), p.main_valve_orifices.n), 0.0)
+    w = ca.fmax(u, SMALLEST_OPENING)
+    area = power(w, p.main_valve_orifices.n + steeper)
+    if not (isinstance(fuller, float) and fuller == 0.0):
+        area = area * ca.exp(4 * fuller * w * (1 - w))
+    return ca.if_else(u > 0, area, 0.0)
 
 
 def behind_throttle(area: Expression, whole: Expression, throttle: Expression) -> Expression:

@@ -247,7 +247,16 @@ def _edges(n: Mapping[str, float], *, compensator: bool, vented: bool) -> list[E
             )
             for edge, (flow, f) in areas.items()
         ),
-        Entry("n", 1.0, "-", "assumed", 0.2, "area proportional to the opening"),
+        Entry("n", 1.2, "-", "assumed", {"abs": 0.4}, "areas grow with this power of the opening"),
+        *(
+            Entry(f"dn_{edge}", 0.0, "-", "assumed", {"abs": 0.3}, "notches of its own")
+            for edge in areas
+            if edge != "sa"
+        ),
+        *(
+            Entry(f"b_{edge}", 0.0, "-", "assumed", {"abs": 0.15}, "half open, no power of the opening")
+            for edge in areas
+        ),
         Entry("x_n", 0.0, "-", "assumed", {"abs": 0.04}, "neutral off-centre"),
         *(_vent(n, overlap) if vented else []),
         *(

@@ -76,7 +76,9 @@ class Question:
         except ValueError:
             value = float("nan")
         if isinstance(given, bool) or not isfinite(value):
-            raise MachineError(f"{self.key}: {given} is no number".rstrip())
+            raise MachineError(
+                f"{self.key}: {given} is no number of {self.low:g} .. {self.high:g} {self.unit}".rstrip()
+            )
         if not self.low <= value <= self.high:
             meant = f"; did you mean {value / 1000:g} {self.unit}?" if self.low <= value / 1000 <= self.high else ""
             raise MachineError(
