@@ -16,7 +16,7 @@ import numpy as np
 from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.even_series import PERIOD, EvenSeries
 from boom_checks.mechanics import Mechanics
-from boom_checks.readings import PRIOR
+from boom_checks.readings import PRIOR, moves
 from boom_checks.relations import changes, command, force
 from boom_input.channels import BY_NAME
 
@@ -45,6 +45,8 @@ def clock_checks(
 
     answer: with the motion that the model makes of the recorded currents; by as much as it follows them the stamps are later.
     """
+    if not moves(series):  # what stands still changes at no time
+        return []
     found, begun = [], _begun(series)
     pressures = (PRESSURES, changes, CHANGING) if boom.holds else (PRESSURES, _carrying, CARRYING)
     for names, relation, allowed in (pressures, (CURRENTS, _at_once, COMMANDING)):

@@ -178,7 +178,7 @@ READINGS: tuple[FaultReading, ...] = (
 def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[RecordingCheck], EvenSeries]:
     """The faults of sign, unit and channel, the likeliest first, and the series with them repaired."""
     found: list[RecordingCheck] = []
-    readings = READINGS if _moves(series) else [r for r in READINGS if not set(r.channels) <= set(_BOOM)]
+    readings = READINGS if moves(series) else [r for r in READINGS if not set(r.channels) <= set(_BOOM)]
     for _ in range(MOST_FAULTS):
         as_read = [relation(series, boom) for relation, _ in RELATIONS]
         seconds = float(np.isfinite(series.columns["angle"]).sum()) * PERIOD
@@ -199,7 +199,8 @@ def reading_checks(series: EvenSeries, boom: Mechanics) -> tuple[list[RecordingC
     return found, series
 
 
-def _moves(series: EvenSeries) -> bool:
+def moves(series: EvenSeries) -> bool:
+    """Whether the boom moves in a recording."""
     angle = series.smooth("angle")
     return float(np.nanmax(angle, initial=-np.inf) - np.nanmin(angle, initial=np.inf)) > STILL
 
