@@ -417,7 +417,9 @@ def test_effect_shows_at_both_ends_of_its_range(tz17: Machine, exercise: Any, ef
         shape = {"w_s", "q_c", "width", "t_g", "s_g", "T", "f", "zeta", "length", "eta", "q_0"} - {
             row.name for row in effect.parameters[:1]
         }  # say where a term acts, not how strongly: kept
-        values = {row.name: row.neutral if row.name in shape else getattr(row, end) for row in effect.parameters}
+        values = {
+            row.name: row.neutral if row.name in shape or row.fixed else getattr(row, end) for row in effect.parameters
+        }
         plant = Plant(tz17.with_effects({effect.id: values}), nominal_plant.pose)
         outputs = plant.run(time, currents, time, plant.rest_state(start[0], start[2], start[3])).outputs
         assert np.isfinite(outputs).all()
