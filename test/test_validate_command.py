@@ -224,3 +224,15 @@ def test_a_mismatch_ends_with_the_line_to_type_next_and_agreement_does_not(valid
     *_, last = result.stdout.splitlines()
     assert shlex.split(last) == ["next:", "./boom", "diagnose", "my bags/load", "--machine", str(machine)]
     assert result.stdout.count("diagnose") == 1
+
+
+def test_a_recording_of_another_crane_has_no_doubts_and_no_next_command(validate, tmp_path):
+    """By the other crane's masses a sound recording was to be repaired."""
+    other = tmp_path / "other.yaml"
+    own = files("boom_model").joinpath("machines/tz17.yaml").read_text("utf-8")
+    other.write_text(own.replace("name: tz17", "name: other", 1), "utf-8")
+    ended = validate(CHANGED, "--machine", other, "--no-report")
+    assert ended.returncode == 0
+    assert "no doubts and no levels: it was recorded on machine 'tz17'" in ended.stdout
+    assert "the model is that of 'other'" in ended.stdout and "next:" not in ended.stdout
+    assert "next:" in validate(CHANGED, "--no-report").stdout

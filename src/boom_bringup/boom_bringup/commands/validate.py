@@ -19,6 +19,7 @@ from boom_bringup.showing import diagnose_next, progress
 
 if TYPE_CHECKING:
     from boom_checks.doubts import FirstLook
+    from boom_identification.validation import Validation
     from boom_model.machine import Machine
     from boom_recording.recording import Recording
 
@@ -100,10 +101,7 @@ def run(args: argparse.Namespace) -> int:
         )
         console.print(f"report: {report}", markup=False, soft_wrap=True)
     status = 1 if args.strict and not all(found.agrees for found in validation.bags) else 0
-    differing = [
-        bag for bag, found in zip(args.bags, validation.bags, strict=True)
-        if found.mismatches and (found.compared_s or found.full.stopped)
-    ]  # fmt: skip
+    differing = _differing(args.bags, recordings, validation)
     if differing:
         console.print(
             "the file's numbers as they are; whether tolerances explain this, or physics is left out:",
@@ -119,6 +117,15 @@ def run(args: argparse.Namespace) -> int:
     for line in diagnose_next(differing, args.machine, arguments.configuration_words(args)):
         console.print(line, markup=False, soft_wrap=True)
     return status
+
+
+def _differing(bags: list[str], recordings: list[Recording], validation: Validation) -> list[str]:
+    """Recordings that a diagnosis can go on with: of this machine, compared, and different."""
+    return [
+        bag for bag, recording, found in zip(bags, recordings, validation.bags, strict=True)
+        if found.mismatches and (found.compared_s or found.full.stopped)
+        and recording.configuration.machine in ("", validation.machine)
+    ]  # fmt: skip
 
 
 def _look(recording: Recording, machine: Machine) -> FirstLook:
