@@ -12,7 +12,7 @@ import pytest
 import report_cases as cases
 from headless_browser import faults
 
-from boom_diagnosis.document import Alternative, Estimate, RankingRow
+from boom_diagnosis.document import Alternative, Estimate, Fit, RankingRow
 from boom_model.catalogue import EFFECTS
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Event
@@ -287,3 +287,14 @@ def test_the_terminal_table_is_short_plain_and_80_columns_wide():
     floor = re.search(r"noise floor +(.*)", printed).group(1).split()
     assert [float(v) for v in floor] == pytest.approx([100 * v for v in result.document.fit.noise_floor], rel=0.06)
     assert len(floor) == len(OUTPUTS)
+
+
+def test_the_proof_compares_what_was_found_with_parameters_only_and_these_with_the_file():
+    def columns(**held_out: tuple[float, ...]) -> list[str]:
+        return [head for head, _ in report._proof(Fit({}, held_out, (), ()))]
+
+    n, p, e = (0.5,) * 4, (0.2,) * 4, (0.1,) * 4
+    assert columns(nominal=n, parameters_only=p, explained=e) == ["parameters only", "explained"]
+    assert columns(nominal=n, parameters_only=p, explained=p) == ["file", "parameters only"]
+    assert columns(nominal=n, explained=e) == ["file", "explained"]
+    assert columns(nominal=n) == ["file"] and columns() == []

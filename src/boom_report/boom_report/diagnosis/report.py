@@ -84,11 +84,11 @@ def _proof(fit: Fit) -> list[tuple[str, tuple[float, ...]]]:
     """Held-out errors by stage, as the headline calls them, and at the noise floor; none where nothing was held out."""
     if "nominal" not in fit.held_out:
         return []
-    both = {"explained", "parameters_only"} <= set(fit.held_out)
-    before = ("parameters_only", "parameters only") if both else ("nominal", "model")
-    columns = [
-        (word, fit.held_out[stage]) for stage, word in (before, ("explained", "explained")) if stage in fit.held_out
-    ]
+    words = {"nominal": "file", "parameters_only": "parameters only", "explained": "explained"}
+    there = [stage for stage in words if stage in fit.held_out]
+    if fit.held_out.get("explained") == fit.held_out.get("parameters_only"):  # nothing was found beside them
+        there = [stage for stage in there if stage != "explained"]
+    columns = [(words[stage], fit.held_out[stage]) for stage in there[-2:]]
     if len(fit.noise_floor) == len(PREDICTED):
         columns.append(("noise floor", fit.noise_floor))
     return columns
