@@ -122,8 +122,12 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
             squares.append(np.mean((measured[inside] - exact[inside]) ** 2, axis=0))
     except SimulationError:
         return UNKNOWN
-    typical = np.minimum(np.mean(squares, axis=0), TYPICAL * np.median(squares, axis=0))
-    return tuple((np.sqrt(typical) / span.spread()).tolist())
+    return tuple((np.sqrt(typical(np.array(squares))) / span.spread()).tolist())
+
+
+def typical(squares: Array) -> Array:
+    """(NY,) mean of the draws' mean squares (draws, NY), at most ``TYPICAL`` times their median."""
+    return np.asarray(np.minimum(np.mean(squares, axis=0), TYPICAL * np.median(squares, axis=0)))
 
 
 def median(rows: Sequence[Errors]) -> Errors:

@@ -17,7 +17,6 @@ from boom_input.channels import PREDICTED
 from boom_model.catalogue import load_holding_valve
 from boom_model.component_numbers import component_parameters
 from boom_model.components import cylinder, equation_of_motion, oil
-from boom_model.components import load_holding_valve as holding_valve
 from boom_model.machine import Machine, Pose
 from boom_model.regularisation import Expression
 from boom_model.slots import NO_CUSHIONS
@@ -153,8 +152,9 @@ class ControlModel:
         area = self.p.cylinder.A_a
         needed = (q.inertia * acceleration + q.gravity + q.friction) / q.jacobian
         carried = (needed + m.rod_pressure * self.p.cylinder.A_b) / area
-        opening, most = self._conductance(carried, m.rod_pressure)
-        surely, _ = self._conductance((1 - LATER) * carried, (1 - LATER) * m.rod_pressure)
+        opening, most = load_holding_valve.conductance(self.machine, carried, m.rod_pressure, self.p, self.e)
+        sooner = (1 - LATER) * carried, (1 - LATER) * m.rod_pressure
+        surely, _ = load_holding_valve.conductance(self.machine, *sooner, self.p, self.e)
         flow = area * ca.fmax(-q.jacobian * m.rate, SLOW)
         drop, largest = ((flow / ca.fmax(g, SHUT * most)) ** 2 for g in (opening, surely))
         seen = q.force + area * drop
@@ -169,13 +169,6 @@ class ControlModel:
             return float(cylinder.force(m.hose_pressure, m.rod_pressure, self.p))
         q = self.at(OperatingPoint(m.angle, 0.0, m.hose_pressure, m.rod_pressure, m.angle, 0.0, 0.0, 0.0, 0.0))
         return max(q.force, q.gravity / q.jacobian)
-
-    def _conductance(self, head: Expression, rod: Expression) -> tuple[Expression, Expression]:
-        """G of a valve that holds the load at p_a, p_b [Pa], and the largest there is [m^3/s/Pa^0.5]."""
-        added = load_holding_valve.EFFECT.id
-        if added in self.machine.effects:
-            return holding_valve.conductance(head, rod, self.e.numbers(added))
-        return self.machine.structure.hose_burst_valve.conductance(head, rod, self.p, self.e)
 
     def at(self, point: OperatingPoint) -> ModelQuantities:
         """All quantities at a point, numbers."""

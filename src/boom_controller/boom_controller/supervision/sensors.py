@@ -9,9 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-
-import numpy as np
-from numpy.typing import NDArray
+from itertools import pairwise
 
 from boom_controller.supervision.reasons import StopCause
 
@@ -75,17 +73,19 @@ class SupervisedSensor:
     @property
     def spacing(self) -> float:
         """Time [s] from one sample to the next, but for the longest, which may be a loss; 0 before it is known."""
-        return float(np.mean(self._gaps[:-1])) if len(self._gaps) else 0.0
+        gaps = self._gaps
+        return sum(gaps[:-1]) / len(gaps[:-1]) if gaps else 0.0
 
     @property
     def burst(self) -> float:
         """Time [s] between two bursts of samples, the second longest of the last ones; 0 where they come evenly."""
-        return float(self._gaps[-2]) if len(self._gaps) and self._gaps[-2] > BURST * self.spacing else 0.0
+        gaps = self._gaps
+        return gaps[-2] if gaps and gaps[-2] > BURST * self.spacing else 0.0
 
     @property
-    def _gaps(self) -> NDArray[np.float64]:
+    def _gaps(self) -> list[float]:
         """Times [s] between the last samples, the longest last; empty before there are enough."""
-        return np.sort(np.diff(self._stamps)) if len(self._stamps) > INTERVALS else np.zeros(0)
+        return sorted(b - a for a, b in pairwise(self._stamps)) if len(self._stamps) > INTERVALS else []
 
     def take(self, values: tuple[float, ...], stamp: float, measured: float, doubt: StopCause | None = None) -> bool:
         """Accept a sample with its stamp [s] and its time of measurement on our clock [s]. False if it is not used.

@@ -37,6 +37,14 @@ def pressure_drop(machine: Any, flow: Expression, p: Any, e: Any) -> Expression:
     return machine.structure.hose_burst_valve.pressure_drop(flow, p, e)
 
 
+def conductance(machine: Any, head: Expression, rod: Expression, p: Any, e: Any) -> tuple[Expression, Expression]:
+    """G of a valve that holds the load at p_a, p_b [Pa], and the largest there is [m^3/s/Pa^0.5]; whose as of ``pressure_drop``."""
+    if EFFECT.id in machine.effects:
+        return valve.conductance(head, rod, e.numbers(EFFECT.id))
+    opening, most = machine.structure.hose_burst_valve.conductance(head, rod, p, e)
+    return opening, most
+
+
 EFFECT = Effect(
     "load_holding_valve", "hose_burst_valve", "5.39f",
     "q_a = max(0, p_h - p_a - p_check) / r_check + min(g max(0, z), G_max) sqrt(p_h - p_a), z ~ p_a + R p_b - p_set",

@@ -11,28 +11,18 @@ Flows as in ``main_valve_orifices``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 import casadi as ca
 
 from boom_model.components import main_valve_orifices
-from boom_model.errors import MachineError
 from boom_model.regularisation import Expression
 from boom_model.slots import Metering, register
 from boom_model.specification import Specification
 
 EDGES = {"sa": "supply to a", "tb": "b to tank", "sb": "supply to b", "ta": "a to tank"}
 """Lifting opens sa and tb, lowering sb and ta."""
-
-
-def _unless_given(key: str, section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
-    """Unless the file gives it: none."""
-    entry = section.get(key, {"value": 0.0, "unit": spec.unit, "prov": "assumed"})
-    if isinstance(entry, dict) and "value" in entry:
-        return entry
-    raise MachineError(f"{spec.key}: write {{value: ..., unit: {spec.unit!r}}}")
 
 
 SPECIFICATIONS = (
@@ -48,14 +38,14 @@ SPECIFICATIONS = (
     *(
         Specification(
             f"main_valve_orifices.dn_{e}", f"dn_{e}", "-", f"how much larger the exponent is, {EDGES[e]}", -2.0, 2.0, "5.17",
-            entry=partial(_unless_given, f"dn_{e}"),
+            entry=main_valve_orifices.none_unless_given,
         )
         for e in EDGES if e != "sa"
     ),
     *(
         Specification(
             f"main_valve_orifices.b_{e}", f"b_{e}", "-", f"logarithm of what the area is more half open, {way}", -1.0, 1.0, "5.17",
-            entry=partial(_unless_given, f"b_{e}"),
+            entry=main_valve_orifices.none_unless_given,
         )
         for e, way in EDGES.items()
     ),

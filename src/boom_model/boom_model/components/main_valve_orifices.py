@@ -69,18 +69,21 @@ def _meter_out(section: Mapping[str, Any], spec: Specification) -> dict[str, Any
     return {**said, "tol": given["tol"] if value > 0.0 else tolerance.relative(1.0)}
 
 
-def _passage(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
-    """Unless the file gives it: next to none, and where the areas are a guess that is one, too."""
-    entry = section.get("passage")
+def none_unless_given(section: Mapping[str, Any], spec: Specification, **own: Any) -> dict[str, Any]:
+    """A number that a file may leave out: 0 then, with its ``own`` tolerance."""
+    entry = section.get(spec.key.rpartition(".")[2], {"value": 0.0, "unit": spec.unit, "prov": "assumed", **own})
     if isinstance(entry, dict) and "value" in entry:
         return entry
-    if entry is not None:
-        raise MachineError(f"{spec.key}: write {{value: ..., unit: {spec.unit!r}}}")
+    raise MachineError(f"{spec.key}: write {{value: ..., unit: {spec.unit!r}}}")
+
+
+def _passage(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
+    """Unless the file gives it: next to none, and where the areas are a guess that is one, too."""
     area = section.get("A_sa_max")
     guessed = isinstance(area, dict) and (area.get("conf") == "low" or "factor" in str(area.get("tol", "")))
     own = {"tol": {"abs": LARGEST_PASSAGE}, "conf": "low"} if guessed else {}
     own = {"tol": {"abs": SOUND_PASSAGE}} if isinstance(area, dict) and "tol" in area and not guessed else own
-    return {"value": 0.0, "unit": spec.unit, "prov": "assumed", **own}
+    return none_unless_given(section, spec, **own)
 
 
 PASSAGE = Specification(
