@@ -7,6 +7,7 @@ import os
 import pty
 import subprocess
 import sys
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,23 @@ ANSWERS: dict[str, Any] = {
     "outer_angle": -20, "tool_mass": 30, "pump_pressure": 165, "opening_current": 0.09, "full_current": 1.0, "lift_flow": 26,
     "lower_flow": 22, "q3": 0.3, "q4": 0.0,
 }  # fmt: skip
+
+
+DRAWN = {
+    "foot_x": 0.433, "foot_y": -1.7682, "pivot_x": -0.12, "pivot_y": -0.07, "eye_x": 0.45388, "eye_y": -0.036034, "long_bar": 0.57,
+    "short_bar": 0.124, "closed_length": 1.253, "stroke": 0.976,
+}  # fmt: skip
+"""The linkage of tz17."""
+FORESTRY = {
+    "spool": "pilot", "opening_current": 0.30, "full_current": 0.55, "opening_pressure": 6.9, "full_pressure": 22.95,
+    "cylinder_valve": "hose_burst", "limit_flow": 98.0, "accumulators": "hose", "precharge_1": 75, "precharge_2": 55,
+    "orifice_2": 1.5, "piston_diameter": 140, "rod_diameter": 90, "compensator": "yes",
+}  # fmt: skip
+
+
+def words(answers: Mapping[str, Any]) -> list[str]:
+    """As options."""
+    return [word for key, value in answers.items() for word in (f"--{key.replace('_', '-')}", str(value))]
 
 
 URDF = str(files("boom_description") / "urdf" / "epsilon_tz17.urdf")
@@ -186,6 +204,47 @@ def test_yes_and_no_in_a_file_of_answers_are_words_as_on_the_command_line(answer
     assert load_machine(tmp_path / "crane.yaml").document["main_valve_orifices"]["compensator"] is True
 
 
+def test_a_forestry_crane_has_linkage_pilot_stage_burst_valve_and_accumulators(answers: Path, tmp_path: Path) -> None:
+    """From what a drawing and data sheets of tz17 say: its linkage over the whole range, its pilot pressures, its burst valve."""
+    file = tmp_path / "crane.yaml"
+    given = words({"linkage": "four_bar", **DRAWN, **FORESTRY})
+    assert cli.main(["new-machine", "--answers", str(answers), *given, "--no-manoeuvre", "--output", str(file)]) == 0
+    made, known = load_machine(file), load_machine("tz17")
+    assert made.angle_limits[0] == pytest.approx(known.angle_limits[0], abs=2e-3)
+    assert made.angle_limits[1] >= known.angle_limits[1]  # where the cylinder ends; the thesis' boom stops before
+    for angle in np.linspace(*known.angle_limits, 9):
+        stroke = [float(m.structure.linkage.piston_position(angle, m.numbers)) for m in (made, known)]
+        assert stroke[0] == pytest.approx(stroke[1], abs=1e-6)
+    for current, pressure in ((0.30, 6.9e5), (0.55, 22.95e5)):
+        assert made.structure.pilot_valves.pressure(current, made.numbers) == pytest.approx(pressure)
+    opens = made.numbers.main_valve_orifices.x0_sa * made.numbers.main_valve_spool.s_max
+    spool = made.structure.spool.position(0.30, 0.0, made.numbers, made.structure.pilot_valves)
+    assert spool == pytest.approx(opens, rel=0.1)  # its friction holds back some of it
+    for key in ("a12", "a30"):
+        name = f"hose_burst_valve.{key}"
+        assert made.parameters[name].value == pytest.approx(known.parameters[name].value, rel=1e-3)
+    assert made.numbers.accumulators.p_g0_2 == pytest.approx(55e5)
+
+
+def test_pins_of_a_drawing_are_the_triangle_of_their_lengths(answers: Path, tmp_path: Path) -> None:
+    """Foot 1.2 m below and 0.55 m before the joint: the lowest angle follows from the drawing."""
+    drawn, measured = tmp_path / "drawn.yaml", tmp_path / "measured.yaml"
+    pins = {"linkage": "pins", "foot_x": 0.55, "foot_y": -1.2, "eye_x": 0.6, "eye_y": -0.11}
+    start = ["new-machine", "--answers", str(answers), "--no-manoeuvre", "--output"]
+    assert cli.main([*start, str(drawn), *words(pins)]) == 0
+    first = load_machine(drawn)
+    lengths = {"foot_distance": np.hypot(0.55, 1.2), "eye_distance": np.hypot(0.6, 0.11)}
+    lowest = {"lowest_angle": np.degrees(first.angle_limits[0])}
+    assert cli.main([*start, str(measured), *words(lengths | lowest)]) == 0
+    second = load_machine(measured)
+    for angle in np.linspace(*first.angle_limits, 5):
+        joint = 0.6 * np.cos(angle) + 0.11 * np.sin(angle), 0.6 * np.sin(angle) - 0.11 * np.cos(angle)
+        length = np.hypot(joint[0] - 0.55, joint[1] + 1.2)
+        for machine in (first, second):
+            stroke = machine.structure.linkage.piston_position(angle, machine.numbers)
+            assert float(stroke) + 0.905 == pytest.approx(length, abs=1e-4)
+
+
 def test_masses_and_lengths_give_the_moments_of_rods() -> None:
     rods = {
         "inner_mass": 100.0,
@@ -225,6 +284,22 @@ def test_masses_and_lengths_give_the_moments_of_rods() -> None:
         (("--urdf", URDF, *2 * ("--position", "telescope_joint=1")), "telescope_joint=1: its position is given twice"),
         (("--manoeuvre", "next.csv", "--no-manoeuvre"), "contradict each other"),
         (("nowhere",), "nowhere"),
+        (
+            ("--linkage", "four_bar", *words(DRAWN), "--closed-length", "2.9"),
+            "closed_length: with these pins and bars the cylinder is",
+        ),
+        (
+            ("--linkage", "four_bar", *words(DRAWN), "--pivot-x", "9"),
+            "closed_length: with these pins and bars the bars do not meet",
+        ),
+        (
+            ("--spool", "pilot", "--opening-pressure", "22"),
+            "opening_pressure: 22 bar is not below full_pressure, 22 bar",
+        ),
+        (
+            ("--cylinder-valve", "hose_burst", "--accumulators", "hose"),
+            "no answer to --limit-flow [l/min]; --precharge-1 [bar]",
+        ),
         (("--stroke", "1.9"), "stroke: 1.9 m is not possible in a cylinder that is 0.905 m long retracted"),
     ],
 )
@@ -285,8 +360,8 @@ def test_on_a_terminal_it_asks_what_is_open_and_again_where_the_answer_cannot_be
     ]
     with subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, cwd=tmp_path, close_fds=True) as process:
         os.close(theirs)
-        # hose_length, hose_bore, moments first without a URDF; pump_pressure first wrong; the proposals for the others
-        os.write(own, b"3.5\n\nurdf\n\nmuch\n180\n" + 11 * b"\n")
+        # linkage, hose_length, hose_bore, moments first without a URDF; pump_pressure first wrong; the proposals for the others
+        os.write(own, b"\n3.5\n\nurdf\n\nmuch\n180\n" + 13 * b"\n")
         shown = b""
         try:
             while chunk := os.read(own, 65536):

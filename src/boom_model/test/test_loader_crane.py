@@ -136,6 +136,30 @@ def test_an_edge_has_notches_of_its_own_where_the_file_says_so(loader: Machine) 
         guessed(loader, b_ta=0.5)
 
 
+def test_the_form_of_an_edge_is_known_no_better_than_its_area(loader: Machine) -> None:
+    """Of both laws; a file that says nothing of how far its areas may be off is believed in their form, too."""
+    common = ("x0", "n", "A_sa_max", "A_tb_max", "A_sb_max")
+    plain = load_machine("triangle_direct")
+    given = {key: plain.document["main_valve_orifices"][key] for key in common}
+    told = {key: {**entry, "tol": 0.2} for key, entry in given.items()}
+    for machine, dn, b in ((loader, 0.15, 0.075), (plain, 0.0, 0.0), (guessed(plain, **told), 0.15, 0.075)):
+        assert machine.parameters["main_valve_orifices.dn_tb"].value == (0.0,)
+        sizes = [prior_of(machine, f"main_valve_orifices.{name}").sigma for name in ("dn_ta", "b_sa")]
+        assert sizes == pytest.approx([dn, b])
+
+
+def test_edges_of_one_overlap_have_notches_of_their_own(loader: Machine) -> None:
+    """A_tb = A_tb_max w^(n + dn_tb) exp(4 b_tb w (1 - w)); A_ta through u of its law."""
+    plain = load_machine("triangle_direct")
+    formed = guessed(plain, dn_tb={"value": 0.2, "unit": "-"}, b_tb={"value": 0.1, "unit": "-"})
+    one, other = (namespace(m.values(m.pose(*POSE))) for m in (plain, formed))
+    o, half = one.main_valve_orifices, 0.6
+    w = (half - o.x0) / (1 - o.x0)
+    before, after = (main_valve_orifices.areas(-half * p.main_valve_spool.s_max, p, Terms({})) for p in (one, other))
+    assert float(after[0]) == float(before[0])
+    assert float(after[1]) / float(before[1]) == pytest.approx(w**0.2 * np.exp(0.4 * w * (1 - w)), rel=1e-3)
+
+
 def test_a_file_without_a_passage_has_none_and_guessed_areas_leave_one_open(loader: Machine) -> None:
     area = loader.document["main_valve_orifices"]["A_sa_max"]
     known = guessed(loader, A_sa_max={"value": area["value"], "unit": "m^2", "tol": 0.1})

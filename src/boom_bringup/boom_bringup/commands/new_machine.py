@@ -11,8 +11,8 @@ manoeuvre to record next.
   ./boom new-machine --answers answers.yaml --output my_crane.yaml my_recording
   ./boom new-machine --answers answers.yaml --urdf crane.urdf --position outer_joint=0.3 --output my_crane.yaml my_recording
 
-The crane: a cylinder pinned to column and boom, an electrically commanded valve with four edges, with or without a load-holding
-valve at the cylinder. For other cranes edit a shipped file (docs/machine_file.md).
+The crane: a cylinder pinned to column and boom or acting through a four-bar linkage, a valve with four edges whose spool the
+currents command directly or through pilot pressures, with or without a load-holding or hose burst valve and accumulators.
 """
 
 from __future__ import annotations

@@ -8,6 +8,13 @@ argument. The thesis has the areas in figures only; here, with x = min(|s_s| / s
 
     A_sa = A_sa_max u,  A_sb = A_sb_max u,  A_tb = A_tb_max u,  A_ta = A_sb_max u / (c_0 - c_1 min(u, 1.3)^2)
 
+No two edges have the same notches, and none is a power of the opening. With w = max(0, (x - x_0) / (1 - x_0)), u of an edge e is
+
+    u_e = w^(n + dn_e) exp(4 b_e w (1 - w)),   e = sa, tb, sb, ta,   dn_sa = 0
+
+so n is the exponent of sa, and half open an edge has exp(b_e) times the area. All are 0 unless given; where the file says how far
+its areas may be off, or that they are a guess, a form may be off, too (``FORMS``).
+
 In the dead zone x <= x_0 every area is exactly zero. F_q, with which the flow closes the spool, is zero but for effects.
 
 The passages and lines in series with an edge, of an area A_p common to all, make of its area A_e, with kappa = (A_sa_max / A_p)^2,
@@ -21,7 +28,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 
@@ -38,6 +45,10 @@ LARGEST_PASSAGE, SOUND_PASSAGE = 1.0, 0.15
 """Tolerance of kappa where the areas are a guess: the passages take half of the drop at full opening; and where the areas'
 ``tol`` is told: passages are two and a half times as large as the edges.
 """
+FORMS = {"dn": 0.3, "b": 0.15}
+"""Tolerances of dn and b where the areas have one: round holes, triangles and slots that are passed for one another."""
+EDGES = {"sa": "supply to a", "tb": "b to tank", "sb": "supply to b", "ta": "a to tank"}
+"""Lifting opens sa and tb, lowering sb and ta."""
 SMALLEST_OPENING = 1e-12
 """Keeps the logarithm of the exponentiation finite; the area in the dead zone itself is exactly zero."""
 _NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
@@ -77,18 +88,50 @@ def none_unless_given(section: Mapping[str, Any], spec: Specification, **own: An
     raise MachineError(f"{spec.key}: write {{value: ..., unit: {spec.unit!r}}}")
 
 
+def _told(section: Mapping[str, Any]) -> Literal["", "guessed", "tol"]:
+    """Whether the areas are a guess, or have a ``tol``."""
+    area = section.get("A_sa_max")
+    if not isinstance(area, dict):
+        return ""
+    if area.get("conf") == "low" or "factor" in str(area.get("tol", "")):
+        return "guessed"
+    return "tol" if "tol" in area else ""
+
+
 def _passage(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
     """Unless the file gives it: next to none, and where the areas are a guess that is one, too."""
-    area = section.get("A_sa_max")
-    guessed = isinstance(area, dict) and (area.get("conf") == "low" or "factor" in str(area.get("tol", "")))
-    own = {"tol": {"abs": LARGEST_PASSAGE}, "conf": "low"} if guessed else {}
-    own = {"tol": {"abs": SOUND_PASSAGE}} if isinstance(area, dict) and "tol" in area and not guessed else own
+    own: dict[str, dict[str, Any]] = {
+        "guessed": {"tol": {"abs": LARGEST_PASSAGE}, "conf": "low"}, "tol": {"tol": {"abs": SOUND_PASSAGE}},
+    }  # fmt: skip
+    return none_unless_given(section, spec, **own.get(_told(section), {}))
+
+
+def _form(section: Mapping[str, Any], spec: Specification) -> dict[str, Any]:
+    """Unless the file gives it: none, and where the areas have a tolerance, forms have one, too."""
+    own = {"tol": {"abs": FORMS[spec.key.split(".")[1].partition("_")[0]]}} if _told(section) else {}
     return none_unless_given(section, spec, **own)
 
 
 PASSAGE = Specification(
     "main_valve_orifices.passage", "kappa", "-", "(A_sa_max / A_p)^2, A_p: passages in series with an edge",
     0.0, 100.0, "-", entry=_passage,
+)  # fmt: skip
+
+FORM_SPECIFICATIONS = (
+    *(
+        Specification(
+            f"main_valve_orifices.dn_{e}", f"dn_{e}", "-", f"how much larger the exponent is, {EDGES[e]}", -2.0, 2.0, "5.17",
+            entry=_form,
+        )
+        for e in EDGES if e != "sa"
+    ),
+    *(
+        Specification(
+            f"main_valve_orifices.b_{e}", f"b_{e}", "-", f"logarithm of what the area is more half open, {way}", -1.0, 1.0, "5.17",
+            entry=_form,
+        )
+        for e, way in EDGES.items()
+    ),
 )  # fmt: skip
 
 SPECIFICATIONS = (
@@ -104,6 +147,7 @@ SPECIFICATIONS = (
         "main_valve_orifices.A_ta_law.c1", "c_1", "-", "A_ta: factor of u^2", -10.0, 10.0, "3.23", entry=_meter_out
     ),
     PASSAGE,
+    *FORM_SPECIFICATIONS,
 )
 
 
@@ -112,20 +156,28 @@ def overlap(position: Expression, p: Any, e: Any, edge: str = "supply") -> Expre
     return e.through("overlap", p.main_valve_orifices.x0, position=position, edge=edge)
 
 
-def opening(
-    position: Expression, x0: Expression, p: Any, steeper: Expression = 0.0, fuller: Expression = 0.0
-) -> Expression:
-    """u [-] at the spool position s_s [m] of an edge with the overlap x_0 [-] and the exponent n + ``steeper``.
+def of_side(position: Expression, p: Any, name: str) -> tuple[Expression, Expression]:
+    """A number of the supply and of the tank edge that are open at s_s [m]; ``name`` with ``{}`` for the edge."""
+    extend = position < 0
+    sa, tb, sb, ta = (getattr(p.main_valve_orifices, name.format(edge)) for edge in EDGES)
+    return ca.if_else(extend, sa, sb), ca.if_else(extend, tb, ta)
 
-    fuller: logarithm of the factor half way between shut and open [-], 0 at both ends.
-    """
+
+def openings(position: Expression, overlaps: tuple[Expression, Expression], p: Any) -> tuple[Expression, Expression]:
+    """u [-] of the supply and of the tank edge that are open at s_s [m], with their overlaps x_0 [-]."""
+    o, extend = p.main_valve_orifices, position < 0
     x = ca.fmin(ca.fabs(position) / p.main_valve_spool.s_max, LARGEST_OPENING)
-    u = (x - x0) / (1 - x0)
+    steeper = ca.if_else(extend, 0.0, o.dn_sb), ca.if_else(extend, o.dn_tb, o.dn_ta)
+    supply, tank = (
+        _opening((x - x0) / (1 - x0), o.n + dn, b)
+        for x0, dn, b in zip(overlaps, steeper, of_side(position, p, "b_{}"), strict=True)
+    )
+    return supply, tank
+
+
+def _opening(u: Expression, exponent: Expression, fuller: Expression) -> Expression:
     w = ca.fmax(u, SMALLEST_OPENING)
-    area = power(w, p.main_valve_orifices.n + steeper)
-    if not (isinstance(fuller, float) and fuller == 0.0):
-        area = area * ca.exp(4 * fuller * w * (1 - w))
-    return ca.if_else(u > 0, area, 0.0)
+    return ca.if_else(u > 0, power(w, exponent) * ca.exp(4 * fuller * w * (1 - w)), 0.0)
 
 
 def behind_throttle(area: Expression, whole: Expression, throttle: Expression) -> Expression:
@@ -143,7 +195,7 @@ def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]
     """(A_sa, A_tb) [m^2] at s_s < 0, (A_sb, A_ta) at s_s >= 0 [m]: from the supply to one port, from the other to the tank."""
     o = p.main_valve_orifices
     extend = position < 0
-    supply, tank = (opening(position, overlap(position, p, e, edge), p) for edge in ("supply", "tank"))
+    supply, tank = openings(position, (overlap(position, p, e), overlap(position, p, e, "tank")), p)
     a_ta = o.A_sb_max * tank / (o.A_ta_law.c0 - o.A_ta_law.c1 * ca.fmin(tank, LARGEST_METER_OUT) ** 2)
     metered = ca.if_else(extend, o.A_sa_max, o.A_sb_max) * supply, ca.if_else(extend, o.A_tb_max * tank, a_ta)
     return in_series(metered[0], p), in_series(metered[1], p)

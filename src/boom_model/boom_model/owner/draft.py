@@ -1,8 +1,8 @@
 """The machine file that follows from the answers: numbers in SI, each with source, note and a proposed tolerance.
 
-A current commands the spool directly; the valve has four edges; the cylinder is pinned to column and boom (triangle). Tolerances
-are what was found on cranes that exist: known lengths and areas are sure, flows of edges are off by 1.6, the oil's stiffness by 2,
-volumes of hoses by 3, friction by 6; the overlaps of the four edges are unequal.
+The valve has four edges; all else is asked. Tolerances are what was found on cranes that exist: known lengths and areas are sure,
+flows of edges are off by 1.6, the oil's stiffness by 2, volumes of hoses by 3, friction by 6; the overlaps of the four edges are
+unequal.
 """
 
 from __future__ import annotations
@@ -10,44 +10,26 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from typing import Any
 
 from boom_input.shown import quoted
 from boom_model.errors import MachineError
-from boom_model.owner.questions import BY_KEY, Answer
+from boom_model.owner.entry import Entry, in_flow_style
+from boom_model.owner.linkages import linkage
+from boom_model.owner.questions import Answer
 from boom_model.rigid_body import LockedBody
 from boom_model.slots import NeutralPosition
 from boom_model.structure import structure
 
-BAR, LPM, MILLI = 1e5, 1 / 60_000, 1e-3
+BAR, LPM, MILLI, LITRE = 1e5, 1 / 60_000, 1e-3, 1e-3
 DENSITY, COEFFICIENT = 870.0, 0.65
-STROKE = 8.0e-3
-"""m. Of a spool that no sensor sees: only shares of it act."""
+STROKE, CROSS_SECTION = 8.0e-3, 3.14e-4
+"""m, m^2. Of a spool that no sensor sees: only shares of them act."""
+NATURAL = 500.0
+"""rad/s. Of a spool on its spring."""
 VENTED = 0.1
 """Of the area of an edge: vented spools throttle what they vent."""
 BODY = {"masses": 0.2, "urdf": 0.06, "numbers": 0.1}
 """Tolerance of the moments by where they come from."""
-
-
-@dataclass(frozen=True)
-class Entry:
-    """One number of the file; ``source``: a word of the file, or the key of the question whose answer it is."""
-
-    key: str
-    value: Any
-    unit: str
-    source: str
-    tol: Any
-    note: str = ""
-
-    def line(self, proposed: Collection[str]) -> str:
-        """As YAML; ``proposed``: questions that were not answered."""
-        source = ("answered", "assumed")[self.source in proposed] if self.source in BY_KEY else self.source
-        note = f', note: "{self.note}"' if self.note else ""
-        tol = f", tol: {_flow(self.tol)}" if self.tol is not None else ""
-        unit = f'"{self.unit}"' if self.unit == "-" else self.unit
-        return f"  {self.key}: {{value: {_flow(self.value)}, unit: {unit}, prov: {source}{tol}{note}}}"
 
 
 _SENSORS = {"Ts": "s", "q2_quant": "rad", "p_quant": "Pa", "p_noise_psd": "Pa^2/Hz"}
@@ -68,26 +50,31 @@ def text(
         MachineError: answers that cannot be true together.
     """
     n = {key: value for key, value in answers.items() if isinstance(value, float)}
+    valve, piloted = answers["cylinder_valve"], answers["spool"] == "pilot"
+    linked, geometry = linkage(str(answers["linkage"]), n)
     neutral = structure(neutral=answers.get("neutral", NeutralPosition.default)).neutral
     sections = {
         "constants": [Entry("g", 9.81, "m/s^2", "literature", 1e-4)],
         "fluid": _fluid(n),
-        "cylinder": _cylinder(n, holds=answers["cylinder_valve"] == "load_holding"),
-        "kinematics": _kinematics(n),
+        "cylinder": _cylinder(n, holds=answers["cylinder_valve"] != "none"),
+        "kinematics": geometry,
         "friction": _friction(n),
-        "hose_burst_valve": _holding(n) if answers["cylinder_valve"] == "load_holding" else None,
-        "accumulators": None,
-        "pilot_valves": None,
-        "main_valve_spool": _spool(n),
-        "main_valve_orifices": _edges(n, compensator=answers["compensator"] == "yes", vented=neutral.vents),
+        "hose_burst_valve": _holding(n) if valve == "load_holding" else _burst(n) if valve == "hose_burst" else None,
+        "accumulators": _accumulators(n) if answers["accumulators"] == "hose" else None,
+        "pilot_valves": _pilot_valves(n) if piloted else None,
+        "main_valve_spool": _piloted_spool(n) if piloted else _spool(n),
+        "main_valve_orifices": _edges(
+            n, compensator=answers["compensator"] == "yes", vented=neutral.vents, piloted=piloted
+        ),
     }
     name = json.dumps(quoted(str(answers["name"]), 100), ensure_ascii=False)
     lines = [
         "# Made by ./boom new-machine. Every number may be edited; docs/machine_file.md says what it means.",
         f'meta: {{name: {name}, version: 1, pressure_reference: gauge, angle_q2: "0 = boom horizontal, + = up"}}',
     ]
-    types = {"kinematics": "triangle", "friction": "cylinder", "hose_burst_valve": "pilot_opened"}
-    types |= {"main_valve_spool": "direct", "main_valve_orifices": "four_edges"}
+    types = {"kinematics": linked, "friction": "cylinder", "main_valve_orifices": "four_edges"}
+    types["hose_burst_valve"] = "pilot_opened" if valve == "load_holding" else "flow_limiting"
+    types["main_valve_spool"] = "pilot_operated" if piloted else "direct"
     for section, entries in sections.items():
         if entries is None:
             lines.append(f"{section}: {{type: none}}")
@@ -100,24 +87,11 @@ def text(
             lines.append(f"  compensator: {'true' if answers['compensator'] == 'yes' else 'false'}")
             area = _area(n["lift_flow"], 5.0)
             lines.append(
-                f"  anti_cavitation: {{enabled: true, A_ac: {_flow(area)}, unit: m^2, p_open: 0.0, prov: assumed}}"
+                f"  anti_cavitation: {{enabled: true, A_ac: {in_flow_style(area)}, unit: m^2, p_open: 0.0, prov: assumed}}"
             )
     measured = [Entry(key, value, _SENSORS[key], "recordings", None) for key, value in (sensors or {}).items()]
     lines += ["control:", *(entry.line(proposed) for entry in measured)] if measured else []
     return "\n".join([*lines, *_body(n, str(answers["moments"]), body)]) + "\n"
-
-
-def _flow(value: Any) -> str:
-    """A value in YAML's flow style; numbers with a point, which YAML 1.1 wants."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_flow(entry)}" for key, entry in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(_flow(entry) for entry in value) + "]"
-    if isinstance(value, float):
-        shown = f"{value:.6g}"
-        mantissa, e, exponent = shown.partition("e")
-        return mantissa + ("" if "." in mantissa else ".0") + e + exponent
-    return str(value)
 
 
 def _fluid(n: Mapping[str, float]) -> list[Entry]:
@@ -159,36 +133,6 @@ def _cylinder(n: Mapping[str, float], *, holds: bool) -> list[Entry]:
     ]
 
 
-def _kinematics(n: Mapping[str, float]) -> list[Entry]:
-    """a^2 + b^2 - 2 a b cos(q_2 + phi_0) = (l_min + s_p)^2, with the cylinder retracted at the lowest angle."""
-    a, b, closed, low = n["foot_distance"], n["eye_distance"], n["closed_length"], math.radians(n["lowest_angle"])
-
-    if n["stroke"] >= closed:
-        raise MachineError(
-            f"stroke: {n['stroke']:g} m is not possible in a cylinder that is {closed:g} m long retracted, pin to pin "
-            "(closed_length): measure both again"
-        )
-
-    def between(length: float) -> float:
-        """Angle between a and b [rad]; NaN: no such triangle."""
-        cosine = (a * a + b * b - length * length) / (2 * a * b)
-        return math.acos(cosine) if abs(cosine) <= 1.0 else math.nan
-
-    begin, end = between(closed), between(min(closed + n["stroke"], 0.999 * (a + b)))
-    if not (math.isfinite(begin) and math.isfinite(end) and end > begin):
-        raise MachineError(
-            f"closed_length: with pins {a:g} m and {b:g} m from the boom joint, the cylinder is {abs(a - b):.3f} .. {a + b:.3f} m "
-            f"long, not {closed:g} m: measure the three lengths again"
-        )
-    return [
-        Entry("a", a, "m", "foot_distance", {"abs": 0.01}),
-        Entry("b", b, "m", "eye_distance", {"abs": 0.01}),
-        Entry("phi0", begin - low, "rad", "derived", {"abs": 0.035}, "from the lowest angle, 2 deg"),
-        Entry("q2_stroke_min", low, "rad", "lowest_angle", None, "cylinder retracted"),
-        Entry("q2_max", low + 0.999 * (end - begin), "rad", "derived", None, "cylinder extended"),
-    ]
-
-
 def _friction(n: Mapping[str, float]) -> list[Entry]:
     damping = 1.5e6 * math.pi / 4 * (n["piston_diameter"] * MILLI) ** 2
     return [
@@ -214,15 +158,72 @@ def _holding(n: Mapping[str, float]) -> list[Entry]:
     ]
 
 
+def _burst(n: Mapping[str, float]) -> list[Entry]:
+    """The valve of the thesis, whose limited branches meet at 98 l/min, scaled to another flow."""
+    scale = n["limit_flow"] / 98.0
+    return [
+        Entry("a11", 3.67 * scale, "l/min/bar", "derived", {"factor": 2.0}, "free flow"),
+        Entry("a12", 29.2 * scale, "l/min/bar^0.5", "derived", {"factor": 2.0}, "free flow"),
+        Entry("a21", 8.24 * scale, "l/min/bar", "derived", {"factor": 2.0}, "before it throttles"),
+        Entry("a30", -80.3 * scale, "l/min", "derived", 0.3, "throttled"),
+        Entry("a31", 0.84 * scale, "l/min/bar", "derived", {"factor": 2.0}, "throttled"),
+    ]
+
+
+def _accumulators(n: Mapping[str, float]) -> list[Entry]:
+    return [
+        Entry("V_g0", n["gas_volume"] * LITRE, "m^3", "gas_volume", 0.1),
+        *(Entry(f"p_g0_{k}", n[f"precharge_{k}"] * BAR, "Pa", f"precharge_{k}", 0.1) for k in (1, 2)),
+        *(Entry(f"d_{k}", n[f"orifice_{k}"] * MILLI, "m", f"orifice_{k}", 0.15) for k in (1, 2)),
+        Entry("kappa", 1.4, "-", "literature", 0.1, "nitrogen"),
+    ]
+
+
+def _ordered(n: Mapping[str, float], what: str, unit: str) -> tuple[float, float]:
+    """``what`` at which the boom begins to move and at which the valve is fully open."""
+    opening, full = n[f"opening_{what}"], n[f"full_{what}"]
+    if opening >= full:
+        raise MachineError(f"opening_{what}: {opening:g} {unit} is not below full_{what}, {full:g} {unit}")
+    return opening, full
+
+
 def _spool(n: Mapping[str, float]) -> list[Entry]:
-    if n["opening_current"] >= n["full_current"]:
-        raise MachineError(
-            f"opening_current: {n['opening_current']:g} A is not below full_current, {n['full_current']:g} A"
-        )
+    _, full = _ordered(n, "current", "A")
     return [
         Entry("s_max", STROKE, "m", "assumed", 1e-4, "only shares of it act"),
-        Entry("K_i", STROKE / n["full_current"], "m/A", "derived", 0.05, f"full stroke at {n['full_current']:g} A"),
+        Entry("K_i", STROKE / full, "m/A", "derived", 0.05, f"full stroke at {full:g} A"),
         Entry("T_s", n["response_time"] * MILLI, "s", "response_time", {"factor": 2.0}),
+    ]
+
+
+def _pilot_valves(n: Mapping[str, float]) -> list[Entry]:
+    """h through both pressures, half of its rise linear and half square: solenoids are between the two."""
+    (low, high), (opening, full) = _ordered(n, "current", "A"), _ordered(n, "pressure", "bar")
+    rise = (full - opening) / 2
+    square, slope = rise / (high**2 - low**2), rise / (high - low)
+    rate, why = 1 / (n["response_time"] * MILLI), f"{opening:g} bar at {low:g} A, {full:g} bar at {high:g} A"
+    return [
+        Entry("a1_s", -rate, "1/s", "derived", 0.5, f"{n['response_time']:g} ms"),
+        Entry("b0_s", rate, "1/s", "derived", None, "at rest the current"),
+        Entry("b1_s", 0.0, "-", "assumed", {"abs": 0.03}),
+        Entry(
+            "h", [square, slope, opening - square * low**2 - slope * low], "bar/A^2, bar/A, bar", "derived", 0.2, why
+        ),
+    ]
+
+
+def _piloted_spool(n: Mapping[str, float]) -> list[Entry]:
+    full = n["full_pressure"] * BAR * CROSS_SECTION
+    spring = full / STROKE
+    mass = spring / NATURAL**2
+    return [
+        Entry("A_s", CROSS_SECTION, "m^2", "assumed", 1e-4, "20 mm; only what the pressure does of the stroke acts"),
+        Entry("s_max", STROKE, "m", "assumed", 1e-4, "only shares of it act"),
+        Entry("k", spring, "N/m", "derived", 0.1, f"full stroke at {n['full_pressure']:g} bar"),
+        Entry("m_s", mass, "kg", "assumed", {"factor": 2.0}, "80 Hz: no matter beside the pilot valves"),
+        Entry("d_v", math.sqrt(spring * mass), "N s/m", "assumed", {"factor": 2.0}, "damping ratio 0.5"),
+        Entry("f_c", 0.06 * full, "N", "assumed", {"factor": 3.0}, "2 to 20 % of the full pressure is usual"),
+        Entry("sigma_s", 0.01, "m/s", "assumed", {"factor": 2.0}),
     ]
 
 
@@ -231,8 +232,9 @@ def _area(flow: float, drop: float) -> float:
     return flow * LPM / (COEFFICIENT * math.sqrt(2 * drop * BAR / DENSITY))
 
 
-def _edges(n: Mapping[str, float], *, compensator: bool, vented: bool) -> list[Entry]:
-    overlap, drop = n["opening_current"] / n["full_current"], n["flow_drop"]
+def _edges(n: Mapping[str, float], *, compensator: bool, vented: bool, piloted: bool) -> list[Entry]:
+    opens = "pressure" if piloted else "current"
+    overlap, drop = n[f"opening_{opens}"] / n[f"full_{opens}"], n["flow_drop"]
     areas = {
         "sa": (n["lift_flow"], 1.6),
         "tb": (n["lift_flow"], 2.0),
@@ -248,15 +250,6 @@ def _edges(n: Mapping[str, float], *, compensator: bool, vented: bool) -> list[E
             for edge, (flow, f) in areas.items()
         ),
         Entry("n", 1.2, "-", "assumed", {"abs": 0.4}, "areas grow with this power of the opening"),
-        *(
-            Entry(f"dn_{edge}", 0.0, "-", "assumed", {"abs": 0.3}, "notches of its own")
-            for edge in areas
-            if edge != "sa"
-        ),
-        *(
-            Entry(f"b_{edge}", 0.0, "-", "assumed", {"abs": 0.15}, "half open, no power of the opening")
-            for edge in areas
-        ),
         Entry("x_n", 0.0, "-", "assumed", {"abs": 0.04}, "neutral off-centre"),
         *(_vent(n, overlap) if vented else []),
         *(
@@ -286,7 +279,7 @@ def _vent(n: Mapping[str, float], overlap: float) -> list[Entry]:
 
 def _body(n: Mapping[str, float], source: str, body: LockedBody) -> list[str]:
     values = {"q3": n["q3"], "q4": n["q4"], "D0": body.D0, "Sx": body.Sx, "Sy": body.Sy, "tip": list(body.tip)}
-    shown = ", ".join(f"{key}: {_flow(value)}" for key, value in values.items())
+    shown = ", ".join(f"{key}: {in_flow_style(value)}" for key, value in values.items())
     return [
         "rigid_body:",
         "  configs:",

@@ -26,7 +26,7 @@ class Question:
         low, high: what a crane can have.
         proposal: what is taken without an answer; None: it has to be answered.
         words: the possible answers, if these are words.
-        only: key and answer of another question, without which this one is not asked.
+        only: key of another question and its answers with which this one is asked; always if empty.
     """
 
     key: str
@@ -36,7 +36,7 @@ class Question:
     high: float = 0.0
     proposal: Answer | None = None
     words: tuple[str, ...] = ()
-    only: tuple[str, str] | None = None
+    only: tuple[str, ...] = ()
 
     @property
     def option(self) -> str:
@@ -55,7 +55,7 @@ class Question:
 
     def asked(self, answers: Mapping[str, Answer]) -> bool:
         """Whether it is asked, with the answers before it."""
-        return self.only is None or answers.get(self.only[0]) == self.only[1]
+        return not self.only or answers.get(self.only[0]) in self.only[1:]
 
     def checked(self, given: Any) -> Answer:
         """The answer.
@@ -87,14 +87,33 @@ class Question:
         return value
 
 
-_NUMBERS, _MASSES, _HOLDING = ("moments", "numbers"), ("moments", "masses"), ("cylinder_valve", "load_holding")
+_NUMBERS, _MASSES = ("moments", "numbers"), ("moments", "masses")
+_HOLDING, _BURST = ("cylinder_valve", "load_holding"), ("cylinder_valve", "hose_burst")
+_LENGTHS, _BARS = ("linkage", "lengths"), ("linkage", "four_bar")
+_DRAWN = ("linkage", "pins", "four_bar")
+_PILOT, _ACCUMULATORS = ("spool", "pilot"), ("accumulators", "hose")
 QUESTIONS: tuple[Question, ...] = (
     Question("name", "name of the crane, as recordings will have it", proposal="my_crane"),
-    Question("foot_distance", "tape measure: boom joint to the cylinder's pin on the column", "m", 0.05, 10.0),
-    Question("eye_distance", "tape measure: boom joint to the cylinder's pin on the boom", "m", 0.05, 10.0),
+    Question(
+        "linkage", "cylinder pinned to the boom, known by lengths or by the pins of a drawing, or through a four-bar linkage",
+        proposal="lengths", words=("lengths", "pins", "four_bar"),
+    ),
+    Question("foot_distance", "tape measure: boom joint to the cylinder's pin on the column", "m", 0.05, 10.0, only=_LENGTHS),
+    Question("eye_distance", "tape measure: boom joint to the cylinder's pin on the boom", "m", 0.05, 10.0, only=_LENGTHS),
+    Question("foot_x", "drawing: cylinder's pin on the column, from the boom joint outward", "m", -10.0, 10.0, only=_DRAWN),
+    Question("foot_y", "the same upward, - = below the joint", "m", -10.0, 10.0, only=_DRAWN),
+    Question("eye_x", "drawing: pin of cylinder or short bar on the boom, along it from its joint", "m", -10.0, 10.0, only=_DRAWN),
+    Question("eye_y", "the same across the boom, - = below its line", "m", -10.0, 10.0, only=_DRAWN),
+    Question("pivot_x", "drawing: pin of the long bar on the column, from the boom joint outward", "m", -10.0, 10.0, only=_BARS),
+    Question("pivot_y", "the same upward", "m", -10.0, 10.0, only=_BARS),
+    Question("long_bar", "tape measure: bar from the column to the rod's pin", "m", 0.01, 10.0, only=_BARS),
+    Question("short_bar", "tape measure: bar from the boom to the rod's pin", "m", 0.01, 10.0, only=_BARS),
     Question("closed_length", "data sheet or tape measure: cylinder retracted, pin to pin", "m", 0.1, 20.0),
     Question("stroke", "data sheet: stroke of the cylinder", "m", 0.05, 10.0),
-    Question("lowest_angle", "spirit level: angle of the boom with the cylinder retracted, 0 = level, + = up", "deg", -120.0, 80.0),
+    Question(
+        "lowest_angle", "spirit level: angle of the boom with the cylinder retracted, 0 = level, + = up", "deg", -120.0, 80.0,
+        only=_LENGTHS,
+    ),
     Question("piston_diameter", "data sheet: piston", "mm", 20.0, 500.0),
     Question("rod_diameter", "data sheet: rod", "mm", 10.0, 450.0),
     Question("hose_length", "tape measure: hose from valve to cylinder, each side", "m", 0.1, 50.0, 2.5),
@@ -122,19 +141,32 @@ QUESTIONS: tuple[Question, ...] = (
     Question("opening_current", "current at which the boom begins to move", "A", 0.0, 3.0),
     Question("full_current", "data sheet: current at which the valve is fully open", "A", 0.01, 3.0),
     Question("response_time", "data sheet: step response of the spool, to 63 %", "ms", 1.0, 2000.0, 40.0),
+    Question(
+        "spool", "what moves the spool: the currents directly (on-board electronics), or two pilot pressures?", proposal="direct",
+        words=("direct", "pilot"),
+    ),
+    Question("opening_pressure", "pilot pressure at the opening current", "bar", 0.5, 60.0, 6.0, only=_PILOT),
+    Question("full_pressure", "pilot pressure at the full current", "bar", 2.0, 100.0, 22.0, only=_PILOT),
     Question("lift_flow", "data sheet: flow of the fully open valve, lifting", "l/min", 0.5, 2000.0),
     Question("lower_flow", "data sheet: flow of the fully open valve, lowering", "l/min", 0.5, 2000.0),
     Question("flow_drop", "data sheet: pressure drop over one edge at which these flows hold", "bar", 0.5, 400.0, 5.0),
     Question(
-        "cylinder_valve", "is a load-holding valve (over-centre, counterbalance) screwed to the cylinder?",
-        proposal="none", words=("none", "load_holding"),
+        "cylinder_valve", "is a load-holding valve (over-centre, counterbalance) or a hose burst valve screwed to the cylinder?",
+        proposal="none", words=("none", "load_holding", "hose_burst"),
     ),
+    Question("limit_flow", "data sheet: flow out of the cylinder from which on it throttles", "l/min", 1.0, 2000.0, only=_BURST),
     Question("set_pressure", "data sheet: its set pressure", "bar", 10.0, 600.0, 180.0, only=_HOLDING),
     Question("pilot_ratio", "data sheet: its pilot ratio", "", 0.0, 20.0, 3.0, only=_HOLDING),
     Question(
         "neutral", "data sheet: ports of the main valve in neutral (symbol with A and B joined to T: vented)", proposal="shut",
         words=("shut", "vented"), only=_HOLDING,
     ),
+    Question("accumulators", "are two accumulators at the hose of the head side?", proposal="none", words=("none", "hose")),
+    Question("gas_volume", "data sheet: gas volume of each", "l", 0.01, 50.0, 0.32, only=_ACCUMULATORS),
+    Question("precharge_1", "data sheet: pre-charge of the first", "bar", 2.0, 350.0, only=_ACCUMULATORS),
+    Question("precharge_2", "data sheet: pre-charge of the second", "bar", 2.0, 350.0, only=_ACCUMULATORS),
+    Question("orifice_1", "bore of the orifice before the first", "mm", 0.1, 40.0, 2.0, only=_ACCUMULATORS),
+    Question("orifice_2", "bore of the orifice before the second", "mm", 0.1, 40.0, 2.0, only=_ACCUMULATORS),
     Question("seal_friction", "friction of the seals; 300 to 900 N are usual", "N", 1.0, 1e5, 500.0),
 )  # fmt: skip
 BY_KEY = {question.key: question for question in QUESTIONS}
