@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from boom_model.errors import MachineError
+
 Shape = Literal["scalar", "pair", "triple"]
 
 
@@ -54,3 +56,11 @@ def number(entry: Any) -> float:
         return float(value)
     except OverflowError:
         return float("inf")
+
+
+def none_unless_given(section: Mapping[str, Any], spec: Specification, **own: Any) -> dict[str, Any]:
+    """Entry of a number that a file may leave out: 0 then, with its ``own`` tolerance."""
+    entry = section.get(spec.key.rpartition(".")[2], {"value": 0.0, "unit": spec.unit, "prov": "assumed", **own})
+    if isinstance(entry, dict) and "value" in entry:
+        return entry
+    raise MachineError(f"{spec.key}: write {{value: ..., unit: {spec.unit!r}}}")

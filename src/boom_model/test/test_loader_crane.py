@@ -96,6 +96,20 @@ def test_vented_neutral_is_the_same_as_an_effect_of_a_file_that_says_shut(loader
         told.with_effects({"vented_neutral": {}})
 
 
+def test_friction_of_the_pins_does_not_follow_the_lever_of_the_cylinder(loader: Machine) -> None:
+    """(J F_C+- + tau_p+-) tanh(w_p / sigma) + (J^2 d+- + k_p+-) w; none of the pins unless the file says so."""
+    document = copy.deepcopy(dict(loader.document))
+    given = {"tau_p_pos": 300.0, "tau_p_neg": 200.0, "k_p_pos": 900.0, "k_p_neg": 700.0}
+    document["friction"] |= {
+        key: {"value": v, "unit": "N m" if "tau" in key else "N m s/rad"} for key, v in given.items()
+    }
+    plain, pinned = (namespace(m.values(m.pose(*POSE))) for m in (loader, machine_from(document)))
+    for rate, tau, k in ((0.2, 300.0, 900.0), (-0.2, -200.0, 700.0)):
+        for lever in (0.2, 0.5):
+            seals, both = (float(friction.torque_of_seals(0.3, rate, lever, p, Terms({}))) for p in (plain, pinned))
+            assert both - seals == pytest.approx(tau * tanh(lever * 0.2 / plain.friction.sigma_p) + k * rate)
+
+
 # ---------------------------------------------------------------------------------------- passages in series with an edge
 
 
@@ -142,7 +156,7 @@ def test_the_form_of_an_edge_is_known_no_better_than_its_area(loader: Machine) -
     plain = load_machine("triangle_direct")
     given = {key: plain.document["main_valve_orifices"][key] for key in common}
     told = {key: {**entry, "tol": 0.2} for key, entry in given.items()}
-    for machine, dn, b in ((loader, 0.15, 0.075), (plain, 0.0, 0.0), (guessed(plain, **told), 0.15, 0.075)):
+    for machine, dn, b in ((loader, 0.15, 0.15), (plain, 0.0, 0.0), (guessed(plain, **told), 0.15, 0.15)):
         assert machine.parameters["main_valve_orifices.dn_tb"].value == (0.0,)
         sizes = [prior_of(machine, f"main_valve_orifices.{name}").sigma for name in ("dn_ta", "b_sa")]
         assert sizes == pytest.approx([dn, b])

@@ -1,10 +1,11 @@
 """Friction of the cylinder: as a torque in the joint, (3.7) = (5.39b), or as a force of its seals, which acts through the linkage.
 
     joint:     tau_f = tau_C+- tanh(w / sigma) + k_v+- w
-    cylinder:  tau_f = J (F_C+- tanh(w_p / sigma) + k_v+- w_p),   w_p = J w
+    cylinder:  tau_f = (J F_C+- + tau_p+-) tanh(w_p / sigma) + (J^2 d+- + k_p+-) w,   w_p = J w
 
 + for w >= 0 (lifting), - for w < 0 (lowering); w is the boom's angular velocity [rad/s], J = ds_p/dq_2. The second is not in the
-thesis; seals of a loader crane rub with 300 to 900 N.
+thesis; seals of a loader crane rub with 300 to 900 N. tau_p and k_p are the share of the joint's pins, 0 unless given: how much of
+a crane's friction follows the lever of its cylinder, no data sheet says.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import casadi as ca
 
 from boom_model.regularisation import Expression
 from boom_model.slots import Friction, register
-from boom_model.specification import Specification
+from boom_model.specification import Specification, none_unless_given
 
 SPECIFICATIONS = (
     Specification("friction.tau_C_pos", "tau_C+", "N m", "Coulomb friction, lifting", 0.0, 1e5, "3.7"),
@@ -30,6 +31,20 @@ AT_SEALS = (
     Specification("friction.d_pos", "d_+", "N s/m", "viscous friction of the seals, lifting", 0.0, 1e6, "-"),
     Specification("friction.d_neg", "d_-", "N s/m", "viscous friction of the seals, lowering", 0.0, 1e6, "-"),
     Specification("friction.sigma_p", "sigma_p", "m/s", "width of the tanh", 1e-5, 1.0, "-"),
+    *(
+        Specification(
+            f"friction.{key}_{way}",
+            f"{key}{sign}",
+            unit,
+            f"{what} friction of the pins, {word}",
+            0.0,
+            most,
+            "-",
+            entry=none_unless_given,
+        )
+        for key, unit, what, most in (("tau_p", "N m", "Coulomb", 1e5), ("k_p", "N m s/rad", "viscous", 1e6))
+        for way, sign, word in (("pos", "+", "lifting"), ("neg", "-", "lowering"))
+    ),
 )
 
 
@@ -40,10 +55,10 @@ def torque(angle: Expression, rate: Expression, p: Any, e: Any) -> Expression:
 
 
 def torque_of_seals(angle: Expression, rate: Expression, jacobian: Expression, p: Any, e: Any) -> Expression:
-    """tau_f [N m] of the seals at q_2 [rad], angular velocity [rad/s] and J [m/rad]."""
+    """tau_f [N m] of the seals and pins at q_2 [rad], angular velocity [rad/s] and J [m/rad]."""
     c = p.friction
-    coulomb = (jacobian * c.F_C_pos, jacobian * c.F_C_neg)
-    viscous = (jacobian**2 * c.d_pos, jacobian**2 * c.d_neg)
+    coulomb = (jacobian * c.F_C_pos + c.tau_p_pos, jacobian * c.F_C_neg + c.tau_p_neg)
+    viscous = (jacobian**2 * c.d_pos + c.k_p_pos, jacobian**2 * c.d_neg + c.k_p_neg)
     return _torque(angle, rate, e, coulomb, viscous, c.sigma_p / jacobian)
 
 
@@ -68,7 +83,7 @@ register(Friction(
     sizes=_sizes(SPECIFICATIONS),
 ))  # fmt: skip
 register(Friction(
-    name="cylinder", meaning="friction of the cylinder's seals, through the linkage",
-    term="tau_f = J (F_C tanh(w_p / sigma_p) + d w_p)", specifications=AT_SEALS, torque=torque_of_seals,
+    name="cylinder", meaning="friction of the cylinder's seals, through the linkage, and of the pins",
+    term="tau_f = (J F_C + tau_p) tanh(w_p / sigma_p) + (J^2 d + k_p) w", specifications=AT_SEALS, torque=torque_of_seals,
     sizes=_sizes(AT_SEALS),
 ))  # fmt: skip

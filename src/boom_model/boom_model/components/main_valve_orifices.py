@@ -35,7 +35,7 @@ import casadi as ca
 from boom_model.errors import MachineError
 from boom_model.regularisation import Expression, power, signed_sqrt
 from boom_model.slots import NO_CUSHIONS, Metering, Supply, ValveFlows, register
-from boom_model.specification import Specification
+from boom_model.specification import Specification, none_unless_given
 from boom_model.tolerance import check_tolerance
 
 Areas = Callable[[Expression, Any, Any], tuple[Expression, Expression]]
@@ -45,7 +45,7 @@ LARGEST_PASSAGE, SOUND_PASSAGE = 1.0, 0.15
 """Tolerance of kappa where the areas are a guess: the passages take half of the drop at full opening; and where the areas'
 ``tol`` is told: passages are two and a half times as large as the edges.
 """
-FORMS = {"dn": 0.3, "b": 0.15}
+FORMS = {"dn": 0.3, "b": 0.3}
 """Tolerances of dn and b where the areas have one: round holes, triangles and slots that are passed for one another."""
 EDGES = {"sa": "supply to a", "tb": "b to tank", "sb": "supply to b", "ta": "a to tank"}
 """Lifting opens sa and tb, lowering sb and ta."""
@@ -78,14 +78,6 @@ def _meter_out(section: Mapping[str, Any], spec: Specification) -> dict[str, Any
         )
     tolerance = check_tolerance(given["tol"], "main_valve_orifices.A_ta_law", (1.0,))
     return {**said, "tol": given["tol"] if value > 0.0 else tolerance.relative(1.0)}
-
-
-def none_unless_given(section: Mapping[str, Any], spec: Specification, **own: Any) -> dict[str, Any]:
-    """A number that a file may leave out: 0 then, with its ``own`` tolerance."""
-    entry = section.get(spec.key.rpartition(".")[2], {"value": 0.0, "unit": spec.unit, "prov": "assumed", **own})
-    if isinstance(entry, dict) and "value" in entry:
-        return entry
-    raise MachineError(f"{spec.key}: write {{value: ..., unit: {spec.unit!r}}}")
 
 
 def _told(section: Mapping[str, Any]) -> Literal["", "guessed", "tol"]:

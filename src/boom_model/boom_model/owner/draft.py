@@ -24,6 +24,10 @@ BAR, LPM, MILLI, LITRE = 1e5, 1 / 60_000, 1e-3, 1e-3
 DENSITY, COEFFICIENT = 870.0, 0.65
 STROKE, CROSS_SECTION = 8.0e-3, 3.14e-4
 """m, m^2. Of a spool that no sensor sees: only shares of them act."""
+DRY, PINS = 0.15, {"triangle": 2, "four_bar": 4}
+"""Friction of a pin without grease [-], and how many turn with the boom by about its angle."""
+SLOW = 0.15
+"""rad/s. There viscous friction of the pins may be as large as the dry one."""
 NATURAL = 500.0
 """rad/s. Of a spool on its spring."""
 VENTED = 0.1
@@ -58,7 +62,7 @@ def text(
         "fluid": _fluid(n),
         "cylinder": _cylinder(n, holds=answers["cylinder_valve"] != "none"),
         "kinematics": geometry,
-        "friction": _friction(n),
+        "friction": _friction(n, PINS[linked]),
         "hose_burst_valve": _holding(n) if valve == "load_holding" else _burst(n) if valve == "hose_burst" else None,
         "accumulators": _accumulators(n) if answers["accumulators"] == "hose" else None,
         "pilot_valves": _pilot_valves(n) if piloted else None,
@@ -133,8 +137,11 @@ def _cylinder(n: Mapping[str, float], *, holds: bool) -> list[Entry]:
     ]
 
 
-def _friction(n: Mapping[str, float]) -> list[Entry]:
-    damping = 1.5e6 * math.pi / 4 * (n["piston_diameter"] * MILLI) ** 2
+def _friction(n: Mapping[str, float], pins: int) -> list[Entry]:
+    """Of the seals, and of so many pins that turn with the boom."""
+    piston = math.pi / 4 * (n["piston_diameter"] * MILLI) ** 2
+    damping, force, radius = 1.5e6 * piston, piston * n["pump_pressure"] * BAR / 2, n["piston_diameter"] * MILLI / 4
+    torque = pins * DRY * force * radius
     return [
         *(
             Entry(key, n["seal_friction"], "N", "seal_friction", {"factor": 6.0}, "seals")
@@ -142,6 +149,14 @@ def _friction(n: Mapping[str, float]) -> list[Entry]:
         ),
         *(Entry(key, damping, "N s/m", "assumed", {"factor": 4.0}) for key in ("d_pos", "d_neg")),
         Entry("sigma_p", 2.0e-3, "m/s", "assumed", {"factor": 5.0}),
+        *(
+            Entry(f"{key}_{way}", 0.0, unit, "assumed", {"abs": most}, note)
+            for key, unit, most, note in (
+                ("tau_p", "N m", torque, f"{pins} pins without grease"),
+                ("k_p", "N m s/rad", torque / SLOW, "as much at 0.15 rad/s"),
+            )
+            for way in ("pos", "neg")
+        ),
     ]
 
 
@@ -197,7 +212,7 @@ def _spool(n: Mapping[str, float]) -> list[Entry]:
 
 
 def _pilot_valves(n: Mapping[str, float]) -> list[Entry]:
-    """h through both pressures, half of its rise linear and half square: solenoids are between the two."""
+    """h through both pressures, half of its rise linear, half square; its ``tol`` reaches to all linear and all square."""
     (low, high), (opening, full) = _ordered(n, "current", "A"), _ordered(n, "pressure", "bar")
     rise = (full - opening) / 2
     square, slope = rise / (high**2 - low**2), rise / (high - low)
@@ -207,7 +222,7 @@ def _pilot_valves(n: Mapping[str, float]) -> list[Entry]:
         Entry("b0_s", rate, "1/s", "derived", None, "at rest the current"),
         Entry("b1_s", 0.0, "-", "assumed", {"abs": 0.03}),
         Entry(
-            "h", [square, slope, opening - square * low**2 - slope * low], "bar/A^2, bar/A, bar", "derived", 0.2, why
+            "h", [square, slope, opening - square * low**2 - slope * low], "bar/A^2, bar/A, bar", "derived", 1.0, why
         ),
     ]
 
