@@ -45,13 +45,15 @@ def machine_of(recordings: Mapping[str, Recording], wanted: str | None = None) -
         if not wanted:
             raise ReplicaError("--machine is empty: give a machine file or the name of a shipped one")
         return _as_recorded(load_machine(wanted), recordings.values()), wanted
-    named = {recording.configuration.machine: bag for bag, recording in recordings.items()}
+    named: dict[str, list[str]] = {}
+    for bag, recording in recordings.items():
+        named.setdefault(recording.configuration.machine, []).append(bag)
     if len(named) > 1:
-        each = ", ".join(f"{bag} ({quoted(name, 60) or 'no name'})" for name, bag in named.items())
+        each = "; ".join(f"{quoted(name, 60) or 'no name'}: {', '.join(bags)}" for name, bags in named.items())
         raise ReplicaError(
             f"the recordings are of different machines: {each}: run them separately, or give one --machine"
         )
-    name, bag = next(iter(named.items()))
+    name, (bag, *_) = next(iter(named.items()))
     shipped = shipped_machines()
     if not name:
         raise ReplicaError(

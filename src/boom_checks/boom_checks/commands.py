@@ -71,9 +71,12 @@ def latched_checks(series: EvenSeries, boom: Mechanics, supply: float) -> list[R
     if total + PRIOR <= 0.0:
         return []
     seconds = sum(end - start for start, end in intervals)
+    start, stop = max(intervals, key=lambda part: part[1] - part[0])
+    word = "" if len(intervals) == 1 else "longest "
     measure = mean_measure("piston speed that this command brings elsewhere", "m/s", np.abs(expected[kept]))
     sentence = (
-        f"the command was logged and not applied for {seconds:.1f} s: the boom stands and no pressure answers "
+        f"the command was logged and not applied for {seconds:.1f} s ({word}{start:.1f} to {stop:.1f} s): the boom stands and "
+        "no pressure answers "
         f"({measure.text}); the valve was shut, as after a soft stop"
     )
     return [RecordingCheck("latched_command", _TOPIC, tuple(intervals), sentence, measure, total + PRIOR)]

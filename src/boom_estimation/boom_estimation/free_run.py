@@ -117,7 +117,7 @@ def _evaporated(run: Trajectory) -> str:
         return ""
     time, name = first
     lowest = f"{float(run.state(name).min()) * _SHOWN.scale:.3g} {_SHOWN.name}"
-    return f"from {time:.1f} s on the model's {name.replace('_', ' ')} falls to {lowest}, where oil evaporates"
+    return f"at {time:.1f} s first the model's {name.replace('_', ' ')} falls to {lowest}, where oil evaporates"
 
 
 def _run(plant: Plant, currents: HeldCurrents, sampled: Array, begin: InitialState) -> tuple[Trajectory | None, str]:

@@ -183,7 +183,7 @@ def test_a_run_goes_on_where_oil_evaporates_and_says_from_when():
     lifting = np.where((signal.time > 2.0) & (signal.time < 2.4), 0.55, 0.0)
     recording.signals["extend_current"] = dataclasses.replace(signal, values=lifting)
     bag = validate(recording, tz17())
-    said = r"from 2\.\d s on the model's head pressure falls to -0\.\d+ bar, where oil evaporates"
+    said = r"at 2\.\d s first the model's head pressure falls to -0\.\d+ bar, where oil evaporates"
     assert re.fullmatch(said, bag.full.evaporated)
     assert bag.full.stopped == "" and np.isfinite(bag.full.values["angle"]).all()
     assert bag.document()["full"]["evaporated"] == bag.full.evaporated

@@ -53,6 +53,21 @@ def test_a_dialect_is_found(head: str, separator: str, decimal: str, encoding: s
     assert not source.dated
 
 
+def test_a_preamble_may_have_lines_of_numbers_and_one_of_units(tmp_path: Path) -> None:
+    """As LabVIEW writes measurements: two headings, the second with numbers of samples, first times and steps of each channel."""
+    head = (
+        "LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t.\nDate\t2026/03/12\n***End_of_Header***\t\n\t\n"
+        "Channels\t2\t\t\nSamples\t30\t30\t\nDate\t2026/03/12\t2026/03/12\t\nTime\t10:12:01.5\t10:12:01.5\t\n"
+        "Y_Unit_Label\tbar\tA\t\nX0\t0.0E+0\t0.0E+0\t\nDelta_X\t0.01\t0.01\t\n***End_of_Header***\t\t\t\n"
+        "X_Value\tHose pressure\tCurrent up\tComment\n"
+    )
+    body = "".join(f"{0.01 * k:.6f}\t{80 + k}\t{0.1 * (k % 3):.1f}\t\n" for k in range(30))
+    source = reading.read([made(tmp_path, head + body)])
+    assert [(c.name, c.unit) for c in source.columns] == [("Hose pressure", "bar"), ("Current up", "A")]
+    np.testing.assert_allclose(source.columns[0].values, 80.0 + np.arange(30))
+    np.testing.assert_array_equal(source.columns[0].stamps_ns, 10_000_000 * np.arange(30))
+
+
 def test_a_minus_as_office_programs_write_it_is_one(tmp_path: Path) -> None:
     (column,) = reading.read([made(tmp_path, "time [s];p [bar]\n" + rows(";", ",").replace(";", ";\u2212"))]).columns
     np.testing.assert_allclose(column.values, -1.5 * np.arange(30))

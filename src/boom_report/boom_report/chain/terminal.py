@@ -26,7 +26,8 @@ def print_chain(study: ChainStudy, console: Console) -> None:
 
 def _print(chain: RecordingChain, console: Console) -> None:
     console.print(Text.assemble((chain.recording.name, "bold"), ": ", chain.sentence), soft_wrap=True)
-    for line in (*damage_lines(chain.recording), *check_lines(chain.checks)):
+    told = [check for check in chain.checks if check.sentence not in chain.sentence]
+    for line in (*damage_lines(chain.recording), *check_lines(told)):
         console.print(Text(f"  {line}", "yellow"), soft_wrap=True)
     for line in events.summary(chain.recording.events):
         console.print(Text(f"  {line}"), soft_wrap=True)
