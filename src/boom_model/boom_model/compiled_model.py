@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Collection
 from ctypes import CDLL
 from functools import cached_property, lru_cache
 from typing import Any
@@ -11,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from boom_model.catalogue import CATALOGUE
 from boom_model.codegen.compiled import LANES, build, build_sensitive
 from boom_model.equations import Equations, Kind, full_model, reduced_model
 from boom_model.errors import ModelError
@@ -21,6 +23,8 @@ from boom_model.structure import Structure
 
 Array = NDArray[np.float64]
 
+TOLERATED = frozenset(e.id for e in CATALOGUE if any(r.within or r.accuracy or r.ordinary for r in e.parameters))
+"""Effects of which a sound machine may have a little: their numbers may be tolerances, by which passes are differentiated."""
 _DOUBLE = ctypes.POINTER(ctypes.c_double)
 
 
@@ -85,10 +89,17 @@ class CompiledModel:
         effects = tuple(sorted(self.machine.effects))
         return _catalogued_abreast(self.machine.structure, effects, self._kind, self._discrepancies)
 
-    @cached_property
-    def sensitive(self) -> CDLL:
-        """The observer with derivatives of its innovations, compiled on first use."""
-        return build_sensitive(self.equations)
+    def sensitive_to(self, moved: Collection[str]) -> CDLL:
+        """The observer with derivatives of its innovations by the machine's numbers and by those of the effects ``moved``.
+
+        Compiled on first use; derivatives by other effects' numbers are zero where they do nothing.
+        """
+        effects = tuple(sorted(self.machine.effects))
+        if self._kind == "reduced" or self.machine.learned:
+            return build_sensitive(self.equations)
+        return _catalogued_sensitive(
+            self.machine.structure, effects, self._discrepancies, tuple(sorted({*TOLERATED, *moved} & {*effects}))
+        )
 
     @cached_property
     def _auxiliary_function(self) -> Any:
@@ -147,9 +158,9 @@ def compile_catalogued(structure: Structure, effects: tuple[str, ...], *, sensit
         BuildError: no C compiler.
         ModelError: an effect that this structure cannot have.
     """
-    equations, _ = _catalogued(structure, effects, "full", False)
+    _catalogued(structure, effects, "full", False)
     if sensitive:
-        build_sensitive(equations)
+        _catalogued_sensitive(structure, effects, False, tuple(sorted({*TOLERATED} & {*effects})))
     _catalogued_abreast(structure, effects, "full", False)
 
 
@@ -159,9 +170,25 @@ def _catalogued(
 ) -> tuple[Equations, CDLL]:
     """Cached: writing the source costs as much as a run of a minute."""
     equations = _equations(structure, effects, kind, discrepancies)
-    return equations, build(equations)
+    return equations, build(_guarded(structure, effects, discrepancies) if kind == "full" else equations)
 
 
 @lru_cache(maxsize=64)
 def _catalogued_abreast(structure: Structure, effects: tuple[str, ...], kind: Kind, discrepancies: bool) -> CDLL:
+    if kind == "full":
+        return build(_guarded(structure, effects, discrepancies), LANES)
     return build(_catalogued(structure, effects, kind, discrepancies)[0], LANES)
+
+
+@lru_cache(maxsize=64)
+def _catalogued_sensitive(
+    structure: Structure, effects: tuple[str, ...], discrepancies: bool, moved: tuple[str, ...]
+) -> CDLL:
+    return build_sensitive(_guarded(structure, effects, discrepancies, moved))
+
+
+@lru_cache(maxsize=64)
+def _guarded(
+    structure: Structure, effects: tuple[str, ...], discrepancies: bool, but: tuple[str, ...] = ()
+) -> Equations:
+    return full_model(structure, effects, discrepancies=discrepancies, guarded={*effects} - {*but})

@@ -6,7 +6,7 @@ sensitivities are derived. Order of arguments everywhere: state, input, paramete
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import inf
@@ -119,6 +119,7 @@ class _Wiring:
         effects: Iterable[str],
         learned: Sequence[LearnedTerm] = (),
         discrepancies: bool = False,
+        guarded: Collection[str] = (),
     ) -> None:
         self.structure = structure
         self.learned = tuple(learned)
@@ -139,7 +140,7 @@ class _Wiring:
             name: {row.name: symbols[f"effects.{name}.{row.name}"] for row in EFFECTS[name].parameters}
             for name in self.effects
         }
-        self.e = Terms(numbers, self)
+        self.e = Terms(numbers, self, guarded=guarded)
         self.states: list[State] = []
         self.symbols: dict[str, Any] = {}
         self.rates: dict[str, Any] = {}
@@ -303,15 +304,17 @@ def full_model(
     effects: Iterable[str] = (),
     learned: Sequence[LearnedTerm] = (),
     discrepancies: bool = False,
+    guarded: Collection[str] = (),
 ) -> Equations:
     """The full model (5.39a-u); 11 states (5.40) for the thesis' structure, fewer or more for others.
 
-    discrepancies: with a further state for each place at which something may be missing (``discrepancy_state``).
+    discrepancies: with a further state for each place at which something may be missing (``discrepancy_state``). guarded: effects
+    that cost next to nothing while they do nothing, as in :class:`Terms`.
 
     Raises:
         ModelError: an effect needs a component that the structure does not have.
     """
-    w = _Wiring(structure, effects, learned, discrepancies)
+    w = _Wiring(structure, effects, learned, discrepancies, guarded)
     p, e = w.p, w.e
     w.kinematics()
     p_a, p_b = w.add_pressure("head_pressure", "p_a"), w.add_pressure("rod_pressure", "p_b")

@@ -57,7 +57,7 @@ def sensitivities(job: Job, along: Directions, *, tolerance: float = 1e-5) -> tu
     state, changes = np.array(along.state, dtype=float, order="C"), np.zeros((n, len(OUTPUTS), m))
     work, g = np.empty((4 * nx + 2 * len(OUTPUTS)) * m), np.ascontiguousarray(gain)
     whole = ctypes.POINTER(ctypes.c_int)
-    plant.sensitive.boom_sensitivity(
+    plant.sensitive_to(_moved(job, along)).boom_sensitivity(
         *arguments(plant, samples, p, x, sampled(samples), g, innovations, states, tolerance, report), ctypes.c_long(m),
         first.ctypes.data_as(whole), columns.ctypes.data_as(whole), pointer(size), ctypes.c_long(along.moved), pointer(inputs),
         timed.ctypes.data_as(whole), pointer(share), pointer(measured), pointer(state), pointer(changes), pointer(work),
@@ -65,10 +65,16 @@ def sensitivities(job: Job, along: Directions, *, tolerance: float = 1e-5) -> tu
     return Observed(innovations, states, int(report[0]) == 0), changes
 
 
+def _moved(job: Job, along: Directions) -> frozenset[str]:
+    """Effects whose numbers move."""
+    names = (job[0].parameter_names[k] for k in np.flatnonzero(along.numbers.any(axis=1)))
+    return frozenset(name.split(".")[1] for name in names if name.startswith("effects."))
+
+
 def sensitivities_of(
     wanted: Sequence[tuple[Job, Directions]], *, tolerance: float = 1e-5, workers: int | None = None
 ) -> list[tuple[Observed, Array]]:
     """:func:`sensitivities` of several passes on all cores."""
-    for job, _ in wanted:
-        _ = job[0].sensitive  # compiled here, once, and not in every thread
+    for job, along in wanted:
+        job[0].sensitive_to(_moved(job, along))  # compiled here, once, and not in every thread
     return list(pool(workers or usable_cores()).map(lambda row: sensitivities(*row, tolerance=tolerance), wanted))

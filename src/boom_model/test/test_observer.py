@@ -133,6 +133,22 @@ def test_every_effect_of_the_catalogue_is_the_same_side_by_side(tz17: Machine, p
         assert np.abs(o.innovations - exact.innovations).max(axis=0) / SENSORS == pytest.approx(0.0, abs=0.02)
 
 
+def test_effects_that_do_nothing_in_one_pass_act_in_another_beside_it(tz17: Machine, possible: Any, job: Make) -> None:
+    """What no lane needs is not computed; what one needs does not reach the others."""
+    stateless = [e for e in possible if not e.states]
+    mild = {e.id: {r.name: 0.9 * r.neutral + 0.1 * r.low for r in e.parameters} for e in stateless}
+    nothing = {e.id: {r.name: r.neutral for r in e.parameters} for e in stateless}
+    third = {**nothing, **{e.id: mild[e.id] for e in stateless[::3]}}
+    acting = [Plant(replace(tz17, effects=e), tz17.pose(4.59, 0.0)).p for e in (mild, nothing, third)]
+    plant = Plant(replace(tz17, effects=mild), tz17.pose(4.59, 0.0))
+    passes = [(*job(plant)[:4], p) for p in (acting[0], acting[1], acting[2], acting[1])]
+    for group in (passes, [passes[1]] * LANES):
+        for o, one in zip(observe_groups([group], tolerance=1e-8)[0], group, strict=True):
+            by_itself = observe(*one[:4], parameters=one[4], tolerance=1e-8)
+            off = np.abs(o.innovations - by_itself.innovations).max(axis=0) / SENSORS
+            assert off == pytest.approx(0.0, abs=2e-3)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_covariances_of_innovations_can_be_decomposed_wherever_the_state_grows_by_orders(
     folded: Plant, seed: int

@@ -106,3 +106,18 @@ def test_what_was_not_measured_has_none_and_several_passes_are_those_one_by_one(
     assert np.array_equal(observed.innovations, observe(*job[:4], parameters=p).innovations, equal_nan=True)
     for again, derivatives in sensitivities_of([(job, along), (job, along)]):
         assert np.array_equal(derivatives, found) and again.complete
+
+
+def test_of_an_effect_that_does_nothing_yet_they_are_those_of_a_small_one(job: Job) -> None:
+    """Code for what does nothing is left out, but not where its derivative is asked for."""
+    plant, samples, start, gain, p = job
+    k = plant.parameter_names.index("effects.piston_leakage.c")
+    still = p.copy()
+    still[k] = 0.0
+    numbers = np.zeros((len(p), 1))
+    numbers[k] = 1e-13
+    _, found = sensitivities((plant, samples, start, gain, still), Directions(numbers, np.zeros((len(start), 1))))
+    small = still.copy()
+    small[k] = 1e-15
+    expected = [observe_exactly((plant, samples, start, gain, numbers_)) for numbers_ in (small, still)]
+    assert share_of_error(found[:, :, 0], np.nan_to_num(expected[0] - expected[1]) * 100.0) < 0.02

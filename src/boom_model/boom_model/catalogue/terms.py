@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from types import SimpleNamespace
 from typing import Any, Protocol
+
+import casadi as ca
 
 from boom_model.catalogue import CATALOGUE
 from boom_model.catalogue.effect import Effect
@@ -40,6 +42,13 @@ class Own(SimpleNamespace):
         assert self._states is not None
         return self._states.add_state(next(state for state in self._effect.states if state.name == name))
 
+    def does_something(self) -> Expression:
+        """Whether one of its numbers is not the neutral one."""
+        said: Expression = 0.0
+        for row in self._effect.parameters:
+            said = ca.logic_or(said, getattr(self, row.name) != row.neutral)
+        return said
+
     @property
     def rates(self) -> dict[str, Any]:
         """Name of a state -> its derivative, to be set by the term."""
@@ -54,10 +63,18 @@ class Terms:
         values: id of each active effect -> its parameters, numbers or expressions.
         states: where effects put their states. Without it a component stands alone, and effects with states are left out, but for
             those that need no more than the time, which is then 0.
+        guarded: effects without states that leave each quantity as it is while all their numbers are neutral, instead of by what
+            their terms make of it: compiled code need not compute what nothing does. Derivatives by such a number are zero there.
     """
 
-    def __init__(self, values: Mapping[str, Mapping[str, Expression]], states: States | None = None) -> None:
-        self._values = values
+    def __init__(
+        self,
+        values: Mapping[str, Mapping[str, Expression]],
+        states: States | None = None,
+        *,
+        guarded: Collection[str] = (),
+    ) -> None:
+        self._values, self._guarded = values, guarded
         self._active = [
             (effect, Own(effect, values[effect.id], states))
             for effect in CATALOGUE
@@ -69,7 +86,9 @@ class Terms:
         for effect, own in self._active:
             term = effect.terms.get(quantity)
             if term is not None:
-                value = term(value, own, SimpleNamespace(**at))
+                changed = term(value, own, SimpleNamespace(**at))
+                guarded = effect.id in self._guarded and not effect.states
+                value = ca.if_else(own.does_something(), changed, value) if guarded else changed
         return value
 
     def numbers(self, effect: str) -> SimpleNamespace:

@@ -24,6 +24,7 @@ typedef double real;
 #define boom_and(a, b) ((double)((a) && (b)))
 #define boom_or(a, b) ((double)((a) || (b)))
 static inline double boom_largest(real a) { return a; }
+static inline int boom_any(real a) { return a != 0.0; }
 #else
 typedef double real __attribute__((vector_size(8 * LANES)));
 typedef long long flags __attribute__((vector_size(8 * LANES)));
@@ -61,6 +62,11 @@ EACH(boom_sin, sin)
 EACH(boom_cos, cos)
 EACH_PAIR(boom_pow, pow)
 #endif
+static inline int boom_any(real a) {
+  int any = 0;
+  for (int l = 0; l < LANES; l++) any |= a[l] != 0.0;
+  return any;
+}
 /* NaN if one is. */
 static inline double boom_largest(real a) {
   double m = a[0];

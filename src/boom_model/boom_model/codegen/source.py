@@ -8,7 +8,7 @@ minimum-degree order (the shift makes them safe for small h; a step with a bad p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -61,50 +61,159 @@ def derivatives(m: Equations) -> tuple[str, tuple[Further, ...]]:
     return "\n".join(places) + "\n", tuple(functions)
 
 
+_LOGICAL = frozenset((ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_AND, ca.OP_OR, ca.OP_NOT))
+_DEAR = {
+    **dict.fromkeys((ca.OP_DIV, ca.OP_INV, ca.OP_SQRT), 5),
+    **dict.fromkeys((ca.OP_POW, ca.OP_CONSTPOW, ca.OP_EXP, ca.OP_LOG, ca.OP_SIN, ca.OP_COS, ca.OP_TANH), 25),
+    **dict.fromkeys((ca.OP_TAN, ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATAN, ca.OP_ATAN2), 100),
+}
+_WORTHWHILE, _MOST_GUARDS = 10, 62
+"""Cost, of an addition one, from which on a condition is worth asking; conditions that the bits of a number hold."""
+_UNGUARDED = frozenset[str]()
+
+
+@dataclass
+class _Instruction:
+    """One number of a function: ``text`` of ``needs``, each under a condition (the name of a prepared number) or always ("")."""
+
+    name: str
+    text: str
+    needs: dict[str, str]
+    cost: int
+    guard: frozenset[str] | None = None
+
+    @property
+    def own(self) -> frozenset[str]:
+        """Conditions of its ``needs``: where one does not hold it is zero."""
+        return frozenset(condition for condition in self.needs.values() if condition)
+
+    @property
+    def runs(self) -> frozenset[str]:
+        """Conditions under which it is computed."""
+        return (self.guard or _UNGUARDED) | self.own
+
+
 class _Emitter:
     """Walks CasADi functions and collects instructions; shares the prepared part between functions."""
 
     def __init__(self) -> None:
         self.prepared: dict[str, str] = {}
+        self.logical: set[str] = set()
+        self.asked: list[str] = []
 
     def function(self, name: str, inputs: Sequence[Any], outputs: Sequence[Any], targets: Sequence[str]) -> str:
-        """C code of a static function (x, u, c, outputs...) whose inputs are x, u and the prepared constants c."""
+        """C code of a static function (x, u, c, outputs...) whose inputs are x, u and the prepared constants c.
+
+        What is needed under a condition of the parameters only, is computed where that holds for one of the lanes.
+        """
         f = ca.Function(name, list(inputs), ca.cse([ca.densify(o) if o.is_dense() else o for o in outputs]))
-        pre: dict[int, str] = {}
         variable: dict[int, str] = {}
-        lines: list[str] = []
         constant: dict[int, bool] = {}
+        instructions: list[_Instruction] = []
+        results: list[tuple[str, str]] = []
         arrays = ("x", "u", "p")
         for k in range(f.n_instructions()):
             op, i, o = f.instruction_id(k), f.instruction_input(k), f.instruction_output(k)
             if op == ca.OP_OUTPUT:
-                lines.append(f"  {targets[o[0]]}[{o[1]}] = {variable[i[0]]};")
+                results.append((f"{targets[o[0]]}[{o[1]}]", variable[i[0]]))
                 continue
+            if op == ca.OP_CONST:
+                variable[o[0]], constant[o[0]] = f"R({float(f.instruction_constant(k))!r})", True
+                continue
+            needs: dict[str, str] = {}
             if op == ca.OP_INPUT:
                 text, fixed = f"{arrays[i[0]]}[{i[1]}]", i[0] == 2
-            elif op == ca.OP_CONST:
-                variable[o[0]], constant[o[0]] = f"R({float(f.instruction_constant(k))!r})", True
-                pre[o[0]] = variable[o[0]]
-                continue
-            elif op in _BINARY:
-                fixed = constant[i[0]] and constant[i[1]]
-                names = pre if fixed else variable
-                text = _BINARY[op].format(names[i[0]], names[i[1]])
-            elif op in _UNARY:
-                fixed = constant[i[0]]
-                text = _UNARY[op].format((pre if fixed else variable)[i[0]])
+            elif op in _BINARY or op in _UNARY:
+                given = i[:2] if op in _BINARY else i[:1]
+                fixed = all(constant[slot] for slot in given)
+                text = (_BINARY if op in _BINARY else _UNARY)[op].format(*(variable[slot] for slot in given))
+                needs = {variable[slot]: "" for slot in given if not constant[slot]}
+                if op in (ca.OP_IF_ELSE_ZERO, ca.OP_MUL) and len(needs) == 1:
+                    needs = dict.fromkeys(needs, next((variable[s] for s in given if variable[s] in self.logical), ""))
             else:
                 raise BuildError(f"an equation uses CasADi's operation {op}, of which there is no C form here")
             constant[o[0]] = fixed
             if fixed:
                 # prepared values are shared: the same text is the same number, whichever function asks for it
-                index = self.prepared.setdefault(text, f"c{len(self.prepared)}")
-                pre[o[0]], variable[o[0]] = index, index
+                variable[o[0]] = self.prepared.setdefault(text, f"c{len(self.prepared)}")
+                if op in _LOGICAL:
+                    self.logical.add(variable[o[0]])
             else:
-                name_ = f"v{k}"
-                lines.append(f"  const real {name_} = {text};")
-                variable[o[0]] = name_
-        return "\n".join(lines)
+                variable[o[0]] = f"v{k}"
+                instructions.append(_Instruction(f"v{k}", text, needs, _DEAR.get(op, 1)))
+        self._guard(instructions, [value for _, value in results])
+        lines = _in_blocks(instructions, self.asked)
+        return "\n".join([*lines, *(f"  {target} = {value};" for target, value in results)])
+
+    def _guard(self, instructions: Sequence[_Instruction], results: Iterable[str]) -> None:
+        """Sets under which conditions each is needed; conditions that save little are given up."""
+        by_name = {instruction.name: instruction for instruction in instructions}
+        for name in results:
+            if name in by_name:
+                by_name[name].guard = _UNGUARDED
+        for instruction in reversed(instructions):
+            if instruction.guard is None:
+                continue
+            for name, condition in instruction.needs.items():
+                beneath, other = instruction.guard | ({condition} if condition else _UNGUARDED), by_name[name]
+                other.guard = beneath if other.guard is None else other.guard & beneath
+        saved: dict[str, int] = {}
+        for instruction in instructions:
+            for condition in instruction.guard or ():
+                saved[condition] = saved.get(condition, 0) + instruction.cost
+        kept = {
+            c
+            for c, cost in saved.items()
+            if cost >= _WORTHWHILE and (c in self.asked or len(self.asked) < _MOST_GUARDS)
+        }
+        self.asked += [c for c in sorted(kept) if c not in self.asked][: _MOST_GUARDS - len(self.asked)]
+        for instruction in instructions:
+            instruction.guard = (instruction.guard or _UNGUARDED) & frozenset(self.asked)
+            instruction.needs = {n: c if c in self.asked else "" for n, c in instruction.needs.items()}
+
+
+def _in_blocks(instructions: Sequence[_Instruction], asked: Sequence[str]) -> list[str]:
+    """C of instructions, those with one guard together as far as what they need allows."""
+    users: dict[str, list[_Instruction]] = {instruction.name: [] for instruction in instructions}
+    for instruction in instructions:
+        for name in instruction.needs:
+            users[name].append(instruction)
+    blocks = _ordered(instructions, users)
+    place = {instruction.name: k for k, (_, block) in enumerate(blocks) for instruction in block}
+    declared, lines = list[str](), list[str]()
+    for k, (guard, block) in enumerate(blocks):
+        bits = sum(1 << asked.index(condition) for condition in guard)
+        lines += [f"  if ((on & {bits}LL) == {bits}LL) {{"] if guard else []
+        for instruction in block:
+            name, seen = instruction.name, [place[user.name] for user in users[instruction.name]]
+            local = not guard or (seen and all(other == k for other in seen))
+            declared += [] if local else [f"  real {name} = R(0.0);"]
+            lines.append(f"  {'const real ' if local else ''}{name} = {instruction.text};")
+        lines += ["  }"] if guard else []
+    return [*declared, *lines]
+
+
+def _ordered(
+    instructions: Sequence[_Instruction], users: Mapping[str, Sequence[_Instruction]]
+) -> list[tuple[frozenset[str], list[_Instruction]]]:
+    """Blocks of one guard each, in an order in which each instruction stands behind what it needs."""
+    left = {instruction.name: len(instruction.needs) for instruction in instructions}
+    ready: dict[frozenset[str], list[_Instruction]] = {}
+    for instruction in instructions:
+        if not instruction.needs:
+            ready.setdefault(instruction.runs, []).append(instruction)
+    blocks = []
+    while ready:
+        guard = _UNGUARDED if _UNGUARDED in ready else max(ready, key=lambda g: (len(ready[g]), sorted(g)))
+        block: list[_Instruction] = []
+        while todo := ready.pop(guard, []):
+            block += todo
+            for user in (user for instruction in todo for user in users[instruction.name]):
+                left[user.name] -= 1
+                if not left[user.name]:
+                    ready.setdefault(user.runs, []).append(user)
+        blocks.append((guard, block))
+    return blocks
 
 
 def _elimination(pattern: np.ndarray) -> tuple[str, str, int]:
@@ -185,10 +294,15 @@ def generate(m: Equations, further: tuple[Further, ...] = ()) -> str:
         f"  const real {name} = {text}; c[{k}] = {name};" for k, (text, name) in enumerate(emitter.prepared.items())
     )
 
+    asked = "".join(f" | (long long)boom_any({name}) << {k}" for k, name in enumerate(emitter.asked))
+    prepare += f"\n  const long long on = 0LL{asked};\n  memcpy(&c[{len(emitter.prepared)}], &on, sizeof on);"
+
     def body(text: str) -> str:
         names = set(_tokens(text))
-        needed = "\n".join(line for line in used.splitlines() if line.split()[2] in names)
-        return needed + "\n" + text
+        needed = [line for line in used.splitlines() if line.split()[2] in names]
+        if "on" in names:
+            needed += ["  long long on;", f"  memcpy(&on, &c[{len(emitter.prepared)}], sizeof on);"]
+        return "\n".join([*needed, text])
 
     added = "".join(
         f"static void model_{o.name}(const real *x, const real *u, const real *c, real *value) {{\n{body(text)}\n}}\n"
@@ -199,7 +313,7 @@ def generate(m: Equations, further: tuple[Further, ...] = ()) -> str:
 #define NU {m.u.numel()}
 #define NP {m.p.numel()}
 #define NY {m.outputs.numel()}
-#define NC {len(emitter.prepared)}
+#define NC {len(emitter.prepared) + 1}
 #define NW {slots}
 static void model_prepare(const real *p, real *c) {{
 {prepare}

@@ -34,7 +34,8 @@ def linkage(word: str, n: Mapping[str, float]) -> tuple[str, list[Entry]]:
             f"stroke: {n['stroke']:g} m is not possible in a cylinder that is {n['closed_length']:g} m long retracted, pin to pin "
             "(closed_length): measure both again"
         )
-    return ("four_bar", _four_bar(n)) if word == "four_bar" else ("triangle", _triangle(word, n))
+    through_bars = {"four_bar": _four_bar}.get(word)
+    return (word, through_bars(n)) if through_bars else ("triangle", _triangle(word, n))
 
 
 def _triangle(word: str, n: Mapping[str, float]) -> list[Entry]:
