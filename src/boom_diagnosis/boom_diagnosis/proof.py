@@ -69,8 +69,14 @@ class Proved(Protocol):
     def values(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
         """Components of the parameter vector."""
 
-    def numbers(self, at: Point) -> dict[str, float]:
-        """The same at a point, with those of other poses."""
+    def numbers(self, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
+        """The same with those of other poses."""
+
+    def everywhere(self, at: Point) -> Array:
+        """z at a point, with the numbers that recordings held out tell alone as they tell them."""
+
+    def follows(self, at: Point) -> Array:
+        """(count, count) derivative of that by z."""
 
 
 def label_of(effect: str) -> str:
@@ -100,9 +106,10 @@ def final_machine(case: Proved, point: Point, covariance: Array, terms: tuple[Le
 
     Half of the 90 % interval of a number v(z), of one that follows from others, too: Z90 sqrt(J C J'), J = dv/dz by differences.
     """
-    here = case.numbers(point)
+    z, follows = case.everywhere(point), case.follows(point)
+    here = case.numbers(z, point.effects)
     names = list(here)
-    moved = (case.numbers(replace(point, z=point.z + Z_STEP * unit)) for unit in np.eye(len(point.z)))
+    moved = (case.numbers(z + Z_STEP * way, point.effects) for way in follows.T)
     derivative = np.array([[there.get(n, here[n]) - here[n] for n in names] for there in moved]) / Z_STEP
     half = Z90 * np.sqrt(np.maximum(np.einsum("ik,ij,jk->k", derivative, covariance, derivative), 0.0))
     return machine_at(case, point, dict(zip(names, half.tolist(), strict=True)), terms)
@@ -112,7 +119,8 @@ def machine_at(
     case: Proved, point: Point, spreads: Mapping[str, float] = MappingProxyType({}), terms: tuple[LearnedTerm, ...] = ()
 ) -> Machine:  # fmt: skip
     """The machine with the numbers of a point."""
-    return found_machine(case.machine, case.pose, case.numbers(point), spreads, terms, case.others)
+    numbers = case.numbers(case.everywhere(point), point.effects)
+    return found_machine(case.machine, case.pose, numbers, spreads, terms, case.others)
 
 
 @dataclass(frozen=True)

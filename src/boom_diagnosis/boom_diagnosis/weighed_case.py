@@ -88,9 +88,15 @@ class WeighedCase:
         """Components of the parameter vector."""
         return self._plain.values(z, effects)
 
-    def numbers(self, at: Point) -> dict[str, float]:
-        """The same at a point."""
-        return self.values(at.z, at.effects)
+    numbers = values
+
+    def everywhere(self, at: Point) -> Array:
+        """z: all recordings are fitted."""
+        return at.z
+
+    def follows(self, at: Point) -> Array:
+        """Derivative of that by z."""
+        return np.eye(len(at.z))
 
     @cached_property
     def _plain(self) -> Problem:
