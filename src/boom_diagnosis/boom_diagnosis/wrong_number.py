@@ -20,7 +20,8 @@ from math import exp, hypot, inf, sqrt
 import numpy as np
 
 from boom_diagnosis.case import Case, Opened
-from boom_diagnosis.hypotheses import Fits
+from boom_diagnosis.fitting import Point
+from boom_diagnosis.hypotheses import LOOSENESS, Fits
 from boom_diagnosis.nuisances import LARGEST_Z, ROD_SIDE, TWINS, Nuisance, bore, known, masses
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.search import Scanner
@@ -29,6 +30,8 @@ from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, TOO_SMALL, Z90, of_tole
 ANYTHING = 0.4
 """Standard deviation of the logarithm of a number of which nothing is known: off by a factor of 1.5, and up to one of five."""
 TRIED = 2
+GUESSES = 17
+"""Values of a number within one standard deviation of ``ANYTHING`` that are looked at."""
 NEARLY_ALL = 0.1
 """Share of what the tolerances leave that may stay."""
 
@@ -106,7 +109,7 @@ def _promising(case: Case, every: Case) -> list[int]:
     look = Scanner(problem, at, jacobian)
     open_to_doubt = [
         i for i, n in enumerate(every.nuisances)
-        if not (n.shift or n.difference or n.tail) and n.name not in TWINS
+        if not (n.shift or n.difference or n.tail) and n.name not in TWINS and n.sigma < ANYTHING
     ]  # fmt: skip
     best = sorted(open_to_doubt, key=lambda i: -look.gain(jacobian[:, [i]])[0])
     numbers = [every.nuisances[i] for i in best[:TRIED]]
@@ -124,11 +127,28 @@ def _opened(case: Case, number: Nuisance) -> Case:
 
 
 def _fitted(number: Nuisance, case: Case, floor: float) -> Opened:
-    """The case with a number free, by tolerances alone."""
+    """The case with a number free, by tolerances alone, from where less is left of two: a far start has many valleys.
+
+    From the tolerances as the nominal machine has them beside it, and from the nominal ones with the number that a loose observer
+    likes best, by observers that are not loose: these lead into other valleys.
+    """
     case.floor = floor
     fits, guess = Fits(case.machine, case.bags, case.select, case.nuisances), case.nominal.tolerances
-    _, point, jacobian = fits.settled(fits.likeliest(guess.z, {}), guess, ())
+    settled = [fits.settled(fits.likeliest(guess.z, {}), guess, ())[1:]]
+    point = _alone(case)
+    for looseness in LOOSENESS[1::-1]:
+        point, jacobian = fits.fit(case.problem(point.z, {}, looseness), point.z, {}, ())
+    point, jacobian = min((*settled, (point, jacobian)), key=lambda found: case.rest(found[0]))
+    case.nominal.tolerances = case.nominal.problem.points([(point.z, {})])[0]  # a search of this case begins there
     ended = case.ended(point)
     spread = of_tolerances(point, jacobian, (), COLDEST, ended)[0, 0]
     away, within = ANYTHING * float(point.z[0]), ANYTHING * sqrt(float(spread))
     return Opened(number, case, case.rest(point), away, within, int(ended.sum()))
+
+
+def _alone(case: Case) -> Point:
+    """Nominal tolerances, with the first number where the loosest observer finds it likeliest."""
+    guesses = np.zeros((GUESSES, len(case.nuisances)))
+    guesses[:, 0] = np.linspace(-1.0, 1.0, GUESSES)
+    problem = case.problem(np.zeros(len(case.nuisances)), {}, LOOSENESS[-1])
+    return min(problem.points([(z, {}) for z in guesses]), key=lambda point: point.loss)

@@ -162,3 +162,20 @@ def test_numbers_that_may_be_wrong_together_are_tried_where_one_of_them_is() -> 
     assert wrong_number._together_with(both, [named["fluid.beta"], named["cylinder.A_b"]])
     assert not wrong_number._together_with(both, [named["fluid.beta"]])
     assert not wrong_number._together_with(named["cylinder.A_b"], [both])
+
+
+def test_a_second_start_has_the_number_where_a_loose_observer_likes_it_best_and_a_search_begins_from_the_better_one() -> (
+    None
+):
+    machine = tz17()
+    area = machine.parameters["cylinder.A_b"].value[0]
+    wrong = machine.with_values({"cylinder.A_b": GIVEN * area})
+    case = case_of(wrong, [prepare(noisy(machine, 10.0, 1), wrong)], [], 0)
+    (number,) = (n for n in (*case.nuisances, *known(wrong, case.pose)) if n.name == "cylinder.A_b")
+    opened = wrong_number._opened(case, number)
+    start = wrong_number._alone(opened)
+    assert start.z[0] * wrong_number.ANYTHING == pytest.approx(-log(GIVEN), abs=0.12)
+    assert not start.z[1:].any()
+    found = wrong_number._fitted(number, opened, case.floor)
+    assert exp(found.away) == pytest.approx(1.0 / GIVEN, rel=0.1)
+    assert opened.nominal.tolerances.z[0] * wrong_number.ANYTHING == found.away
