@@ -1,4 +1,4 @@
-"""How fast the diagnosis' observer passes over a recording: alone, side by side, and with a corner in the hose burst valve.
+"""How fast the diagnosis' observer passes over a recording: side by side, alone, with all effects computed, with a corner.
 
     python benchmarks/observer_passes.py [--bag BAG]
 
@@ -11,10 +11,13 @@ tolerance of 1e-8.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +27,10 @@ from boom_diagnosis.bag_samples import Bag, prepare
 from boom_diagnosis.fitting import Problem
 from boom_diagnosis.nuisances import tolerances
 from boom_diagnosis.prediction import Predictor, Values
+from boom_model import compiled_model
 from boom_model.codegen.compiled import LANES
-from boom_model.compiled_model import _catalogued
 from boom_model.components import hose_burst_valve
+from boom_model.equations import Equations, full_model
 from boom_model.machine_file import load_machine
 from boom_model.observer import Job, observe, observe_groups
 from boom_recording.loading import load
@@ -88,15 +92,35 @@ def derivatives(bag: Bag, tolerance: float, kind: type[Predictor] = ByDifference
         prediction.TOLERANCE = kept
 
 
+@contextmanager
+def other_models() -> Iterator[None]:
+    """Within it models are built anew."""
+    kept = (compiled_model._catalogued, compiled_model._catalogued_abreast, compiled_model._guarded)
+    for cached in kept:
+        cached.cache_clear()
+    try:
+        yield
+    finally:
+        for cached in kept:
+            cached.cache_clear()
+
+
 def with_corner(bag: Bag) -> list[Job]:
     """The passes with the check valve as (5.28) is printed."""
-    opening, hose_burst_valve.OPENING = hose_burst_valve.OPENING, 1e-3
-    _catalogued.cache_clear()
-    try:
+    with other_models(), patch.object(hose_burst_valve, "OPENING", 1e-3):
         return jobs(replace(bag, plants=[]))
-    finally:
-        hose_burst_valve.OPENING = opening
-        _catalogued.cache_clear()
+
+
+def unguarded(bag: Bag) -> float:
+    """Processor time [ms] of passes side by side that compute the terms of all effects, whatever these do."""
+
+    def whole(*given: Any, **named: Any) -> Equations:
+        return full_model(*given, **{**named, "guarded": ()})
+
+    with other_models(), patch.object(compiled_model, "full_model", whole):
+        passes = jobs(replace(bag, plants=[]))
+        together(passes)
+        return least(together, passes) / LANES
 
 
 def main() -> None:
@@ -109,9 +133,12 @@ def main() -> None:
     smooth = jobs(bag)
     together(smooth)
     single, joined = least(one_by_one, smooth) / LANES, least(together, smooth) / LANES
-    cornered = least(one_by_one, with_corner(bag)) / LANES
+    whole, cornered = unguarded(bag), least(one_by_one, with_corner(bag)) / LANES
     print(f"{bag.name}, {bag.recording.duration:.0f} s; processor time of one pass [ms] and ratio to the best")
-    for label, time in ((f"{LANES} side by side", joined), ("alone", single), ("alone, valve with a corner", cornered)):
+    for label, time in (
+        (f"{LANES} side by side", joined), ("the same, all effects", whole), ("alone", single),
+        ("alone, valve with a corner", cornered),
+    ):  # fmt: skip
         print(f"  {label:28} {time:7.1f} {time / joined:6.1f}")
     exact, _ = derivatives(bag, 1e-8)
     size = np.linalg.norm(exact, axis=0)
