@@ -16,7 +16,7 @@ from boom_diagnosis.freerun import Elsewhere
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, problem_at
 from boom_diagnosis.learning import Learned, Setting
 from boom_diagnosis.nuisances import Nuisance, clock, clocks, of_pose, tolerances
-from boom_diagnosis.onset import moments, moments_follow
+from boom_diagnosis.onset import moments
 from boom_diagnosis.recent import Recent
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.sizes import MachineSize, size_of
@@ -170,27 +170,16 @@ class Case:
         which = self.of_held_out_alone()
         if not which:
             return at.z
-        effects = self._of_proving(at)
+        plain = {n: v for n, v in at.effects.items() if n.startswith("effects.")}  # a learnt term is another machine's
+        effects = {**plain, **self.own_beside(at)}
+        counted = [bag.counted for bag in self.proving]
         return self._own_moments.get(
             (at.z.tobytes(), *sorted(effects.items())),
-            lambda: moments(self._proving_at(at.z, effects), at.z, effects, which),
-        )
-
-    def follows(self, at: Point) -> Array:
-        """(count, count) derivative of :meth:`everywhere` by z at a point."""
-        which = self.of_held_out_alone()
-        if not which:
-            return np.eye(len(at.z))
-        z, effects = self.everywhere(at), self._of_proving(at)
-        return moments_follow(self._proving_at(z, effects), z, effects, which)
-
-    def _of_proving(self, at: Point) -> dict[str, float]:
-        plain = {n: v for n, v in at.effects.items() if n.startswith("effects.")}  # a learnt term is another machine's
-        return {**plain, **self.own_beside(at)}
-
-    def _proving_at(self, z: Array, effects: Mapping[str, float]) -> Problem:
-        counted = [bag.counted for bag in self.proving]
-        return problem_at(self.machine, self.proving, counted, self.nuisances, z, effects, LOOSENESS[0])
+            lambda: moments(
+                problem_at(self.machine, self.proving, counted, self.nuisances, at.z, effects, LOOSENESS[0]),
+                at.z, effects, which,
+            ),
+        )  # fmt: skip
 
     def own_beside(self, at: Point) -> dict[str, float]:
         """Numbers of effects that are those of the recordings held out; of a load only where the point has it."""

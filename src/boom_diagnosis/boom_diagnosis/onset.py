@@ -95,21 +95,6 @@ def moments(problem: Problem, z: Array, effects: Mapping[str, float], which: Seq
     return best.z
 
 
-def moments_follow(problem: Problem, z: Array, effects: Mapping[str, float], which: Sequence[int]) -> Array:
-    """(count, count) derivative by z of what :func:`moments` makes of it, where the numbers ``which`` are the likeliest.
-
-    H_oo dz_o + H_or dz_r = 0: o these numbers, r the others, H = J' W J + 1.
-    """
-    at, own = problem.points([(z, effects)])[0], np.array(which)
-    columns = problem.nuisance_jacobian(at)
-    normal = columns[:, own].T @ (weights(at)[:, None] * columns) + np.eye(len(z))[own]
-    others = np.setdiff1d(np.arange(len(z)), own)
-    follows = np.eye(len(z))
-    follows[own] = 0.0
-    follows[np.ix_(own, others)] = -np.linalg.solve(normal[:, own], normal[:, others])
-    return follows
-
-
 def _clock(problem: Problem, z: Array, effects: Mapping[str, float]) -> dict[str, float]:
     """The likeliest dead time [s] of the commands against their log: a log's own is anywhere within its range."""
     clock = next((n for n in problem.nuisances if n.label == CLOCK), None)

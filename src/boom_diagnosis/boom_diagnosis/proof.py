@@ -75,9 +75,6 @@ class Proved(Protocol):
     def everywhere(self, at: Point) -> Array:
         """z at a point, with the numbers that recordings held out tell alone as they tell them."""
 
-    def follows(self, at: Point) -> Array:
-        """(count, count) derivative of that by z."""
-
 
 def label_of(effect: str) -> str:
     """An effect's id in words."""
@@ -106,10 +103,10 @@ def final_machine(case: Proved, point: Point, covariance: Array, terms: tuple[Le
 
     Half of the 90 % interval of a number v(z), of one that follows from others, too: Z90 sqrt(J C J'), J = dv/dz by differences.
     """
-    z, follows = case.everywhere(point), case.follows(point)
+    z = case.everywhere(point)
     here = case.numbers(z, point.effects)
     names = list(here)
-    moved = (case.numbers(z + Z_STEP * way, point.effects) for way in follows.T)
+    moved = (case.numbers(z + Z_STEP * unit, point.effects) for unit in np.eye(len(z)))
     derivative = np.array([[there.get(n, here[n]) - here[n] for n in names] for there in moved]) / Z_STEP
     half = Z90 * np.sqrt(np.maximum(np.einsum("ik,ij,jk->k", derivative, covariance, derivative), 0.0))
     return machine_at(case, point, dict(zip(names, half.tolist(), strict=True)), terms)

@@ -94,10 +94,6 @@ class WeighedCase:
         """z: all recordings are fitted."""
         return at.z
 
-    def follows(self, at: Point) -> Array:
-        """Derivative of that by z."""
-        return np.eye(len(at.z))
-
     @cached_property
     def _plain(self) -> Problem:
         return self.problem(np.zeros(len(self.nuisances)), {}, LOOSENESS[0])

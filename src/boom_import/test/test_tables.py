@@ -68,6 +68,21 @@ def test_a_preamble_may_have_lines_of_numbers_and_one_of_units(tmp_path: Path) -
     np.testing.assert_array_equal(source.columns[0].stamps_ns, 10_000_000 * np.arange(30))
 
 
+@pytest.mark.parametrize("line", ["# trigger", "0.05;OVERFLOW;OVERFLOW", "ERR;ERR;ERR"])
+def test_a_line_without_numbers_among_the_first_ones_costs_only_itself(line: str, tmp_path: Path) -> None:
+    body = [f"{0.01 * k:.2f};{80 + k};{0.1 * (k % 3):.1f}" for k in range(40)]
+    text = "\n".join(["time [s];hose pressure [bar];current up [A]", *body[:5], line, *body[5:]]) + "\n"
+    columns = reading.read([made(tmp_path, text)]).columns
+    assert [(c.name, c.unit) for c in columns] == [("hose pressure", "bar"), ("current up", "A")]
+    assert len(columns[0].values) == 40
+
+
+def test_units_of_a_heading_are_not_those_of_a_preamble(tmp_path: Path) -> None:
+    text = "Display;kPa;kPa\ntime [s];hose pressure [bar];rod pressure [bar]\n"
+    body = "".join(f"{0.01 * k:.2f};{80 + k};20\n" for k in range(30))
+    assert [c.unit for c in reading.read([made(tmp_path, text + body)]).columns] == ["bar", "bar"]
+
+
 def test_a_minus_as_office_programs_write_it_is_one(tmp_path: Path) -> None:
     (column,) = reading.read([made(tmp_path, "time [s];p [bar]\n" + rows(";", ",").replace(";", ";\u2212"))]).columns
     np.testing.assert_allclose(column.values, -1.5 * np.arange(30))

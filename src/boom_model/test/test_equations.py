@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from boom_model.catalogue import CATALOGUE, EFFECTS
+from boom_model.codegen import source
 from boom_model.components.payload import Step
 from boom_model.equations import full_model, parameter_names, reduced_model
 from boom_model.errors import ModelError
@@ -204,3 +205,15 @@ def test_every_effect_of_the_catalogue_stands_once_and_has_plausible_rows() -> N
         for row in effect.parameters:
             assert row.minimum <= row.low < row.high <= row.maximum, (effect.id, row.name)
             assert row.minimum <= row.neutral <= row.maximum or effect.states or effect.id == "hose_burst_valve_lag"
+
+
+def test_an_output_that_is_needed_under_a_condition_is_read_behind_it() -> None:
+    """A = {sin x exp x, 0}, B = {A^2 exp A, 0}, each where p is not zero: A is an output, and needed in the branch of B."""
+    x, u, p = ca.SX.sym("x"), ca.SX.sym("u"), ca.SX.sym("p")
+    a = ca.if_else(p != 0, ca.sin(x) * ca.exp(x), 0)
+    b = ca.if_else(p != 0, a**2 * ca.exp(a), 0)
+    text = source._Emitter().function("f", (x, u, p), [ca.vertcat(a, b)], ["f"])
+    outside = text.split("{")[0]
+    for line in text.splitlines():
+        if line.lstrip().startswith("f["):
+            assert f"real {line.split(' = ')[1].rstrip(';')} = R(0.0);" in outside

@@ -162,6 +162,20 @@ def test_the_form_of_an_edge_is_known_no_better_than_its_area(loader: Machine) -
         assert sizes == pytest.approx([dn, b])
 
 
+def test_an_edge_opens_ever_further(loader: Machine) -> None:
+    """Within what a file may say its area never falls towards full stroke, and its exponent is no less than a half."""
+    formed = guessed(loader, b_tb={"value": 0.3, "unit": "-"}, n={"value": 1.2, "unit": "-"})
+    p = namespace(formed.values(formed.pose(*POSE)))
+    areas = [float(four_edges.areas(-x * p.main_valve_spool.s_max, p, Terms({}))[1]) for x in np.linspace(0.2, 1.2, 21)]
+    assert (np.diff(areas) >= 0.0).all()
+    for key, value, said in (
+        ("b_tb", 0.4, "b_tb: 0.4 is outside -1 .. 0.3"),
+        ("dn_tb", -0.6, "makes the exponent of this edge 0.4"),
+    ):
+        with pytest.raises(MachineError, match=said):
+            guessed(loader, **{key: {"value": value, "unit": "-"}})
+
+
 def test_edges_of_one_overlap_have_notches_of_their_own(loader: Machine) -> None:
     """A_tb = A_tb_max w^(n + dn_tb) exp(4 b_tb w (1 - w)); A_ta through u of its law."""
     plain = load_machine("triangle_direct")

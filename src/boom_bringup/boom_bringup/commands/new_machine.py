@@ -89,6 +89,7 @@ def run(args: argparse.Namespace) -> int:
 
     recordings = _new_machine.read(args, answers)
     proposed = _answer(answers, ask=not args.yes and _at_terminal())
+    _refuse_unasked(args, answers)
     from boom_model.owner import draft
 
     text = draft.text(answers, _body(args, answers), _new_machine.sensors(recordings.values()), proposed)
@@ -125,6 +126,16 @@ def _given(args: argparse.Namespace) -> dict[str, Answer]:
             f"--{useless[0].replace('_', '-')} says something of a robot description: give its --urdf FILE, too"
         )
     return answers
+
+
+def _refuse_unasked(args: argparse.Namespace, answers: dict[str, Answer]) -> None:
+    """Raises UsageError for an option that would be lost: its question is not asked with the other answers."""
+    for question in QUESTIONS:
+        if getattr(args, question.key) is not None and not question.asked(answers):
+            key, *words = question.only
+            raise UsageError(
+                f"{question.option} goes with {BY_KEY[key].option} {' or '.join(words)}: give that, or leave it out"
+            )
 
 
 def _at_terminal() -> bool:

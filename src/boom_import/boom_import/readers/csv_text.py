@@ -11,7 +11,6 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from itertools import groupby
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -26,9 +25,10 @@ from boom_input.shown import quoted
 
 _SEPARATORS = (";", ",", "\t", "|", " ")
 _HEAD_BYTES, _HEAD_LINES = 200_000, 300
+_UNITS = re.compile(r"unit|einheit", re.IGNORECASE)
 _TOO_FEW = 2
 _PREAMBLE = 10
-"""Lines of numbers that no preamble has."""
+"""Lines of numbers that no preamble has before a heading."""
 _ROWS = 50_000
 _MOST_COLUMNS = 2000
 _EMPTY = frozenset(("", "nan", "n/a", "na", "null", "none", "-", "--", "inf", "-inf", "#n/a"))
@@ -177,24 +177,27 @@ def _table_score(rows: list[list[str]], decimal: str) -> tuple[float, int]:
     """Cells that are numbers less those that are broken ones, over the lines of numbers; the first such line or -1.
 
     A broken number, such as "0,5;12" where the separator is wrong, weighs three; a word may be a column of its own. A preamble may
-    have a few lines of numbers, too: the table begins where ``_PREAMBLE`` follow one another, or as many as ever do.
+    have a few lines of numbers, too: the table begins behind a heading that follows less than ``_PREAMBLE`` of them.
     """
-    score, widths, begins = 0.0, [], list[int]()
+    score, first, widths, count = 0.0, -1, list[int](), 0
     for number, row in enumerate(rows):
         values = sum(_is_value(cell, decimal) for cell in row)
         others = [cell for cell in row if cell.lower() not in _EMPTY and not _is_value(cell, decimal)]
         if len(row) < 2 or values < len(others) or values == 0:
-            begins += [-1] if any(row) else []
+            if count < _PREAMBLE and _is_heading(others):
+                first, count = -1, 0
             continue
-        begins.append(number)
+        first, count = number if first < 0 else first, count + 1
         score += values - sum(3.0 if _BROKEN.match(cell) else 0.3 for cell in others)
         widths.append(len(row))
     if len(widths) < 2:
         return 0.0, -1
-    runs = [list(run) for of_table, run in groupby(begins, key=lambda number: number >= 0) if of_table]
-    enough = min(_PREAMBLE, max(len(run) for run in runs))
-    first = next(run[0] for run in runs if len(run) >= enough)
     return score * widths.count(max(set(widths), key=widths.count)) / len(widths), first
+
+
+def _is_heading(words: list[str]) -> bool:
+    """Whether the cells of a line that are no numbers are names, of which no two are the same."""
+    return len(words) > 1 and len(set(words)) == len(words)
 
 
 def _headers(above: list[list[str]], width: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -207,7 +210,9 @@ def _headers(above: list[list[str]], width: int) -> tuple[tuple[str, ...], tuple
     named = fitting[-1]
     if len(fitting) > 1 and _are_units(named):
         stated, named = tuple(cell.strip("[]()") for cell in named), fitting[-2]
-    elif told := [row for row in fitting[:-1] if _are_units(row[1:])]:  # LabVIEW has them in a line of the preamble
+    elif told := [
+        row for row in fitting[:-1] if _UNITS.search(row[0]) and _are_units(row[1:])
+    ]:  # in a preamble, as of LabVIEW
         stated = ("", *(cell.strip("[]()") for cell in told[-1][1:]))
     names = (cell.lstrip("#% ").strip() for cell in named)
     return tuple(name or other for name, other in zip(names, blank, strict=True)), stated

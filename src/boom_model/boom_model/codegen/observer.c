@@ -16,7 +16,7 @@ static int observe(const double *p, double *x, const double *grid, long n, const
                    const double *theta, const double *measured, const double *gain, double *innovation, double *states,
                    double tolerance, int order, const double *scale, const double *minimum, const double *maximum, double h,
                    double *report, struct sensitivity *sense) {
-  real c[NC > 0 ? NC : 1], before[NY], after[NY], number[NP], state[NX], held[NU];
+  real c[NC], before[NY], after[NY], number[NP], state[NX], held[NU];
   run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 1, MOST_STEPS, sense};
   long k, next = 0, i_in = 0;
   int status = OK;
@@ -106,7 +106,7 @@ int boom_sensitivity(const double *p, double *x, const double *grid, long n, con
 long boom_intervals(const double *p, const double *x, const double *move, const double *grid, long n, const double *t_in,
                     const double *u, long n_in, double tolerance, int order, const double *scale, const double *minimum,
                     const double *maximum, double h, double *end, double *before, double *after) {
-  real c[NC > 0 ? NC : 1], seen[NY], number[NP], state[NX], held[NU], off[NX];
+  real c[NC], seen[NY], number[NP], state[NX], held[NU], off[NX];
   run_t r = {scale, minimum, maximum, tolerance, 0, 0, 0, 0, 0.0, -1, 0.0, 1, MOST_STEPS, 0};
   long next = 0, i_in = 0;
   for (int i = 0; i < NP; i++) number[i] = boom_load(p + i * LANES);
@@ -139,7 +139,7 @@ long boom_intervals(const double *p, const double *x, const double *move, const 
 #if LANES == 1
 /* f[n][NX] and J[n][NX][NX] along a trajectory. */
 void boom_derivatives(const double *p, const double *x, const double *u, long n, double *f, double *J) {
-  double c[NC > 0 ? NC : 1];
+  double c[NC];
   model_prepare(p, c);
   for (long k = 0; k < n * NX * NX; k++) J[k] = 0.0;
   for (long k = 0; k < n; k++) model_fj(x + k * NX, u + k * NU, c, f + k * NX, J + k * NX * NX);

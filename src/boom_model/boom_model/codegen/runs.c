@@ -7,7 +7,7 @@ int boom_run(const double *p, double *x, double t_begin, double t_end, const dou
              const double *out_t, long n_out, double *out_x, double *out_y, double tolerance, int order,
              const double *scale, const double *minimum, const double *maximum, double h, volatile const int *stop,
              double *report) {
-  double c[NC > 0 ? NC : 1];
+  double c[NC];
   run_t r = {scale, minimum, maximum, tolerance, stop, 0, 0, 0, 0.0, -1, 0.0, 0, 0, 0};
   long next = 0, k = 0;
   int status = OK;
@@ -47,7 +47,7 @@ int boom_step(const double *c, double *x, const double *u, double dt, double *y,
 void boom_prepare(const double *p, double *c) { model_prepare(p, c); }
 
 void boom_derivative(const double *p, const double *x, const double *u, double *f, double *J) {
-  double c[NC > 0 ? NC : 1];
+  double c[NC];
   model_prepare(p, c);
   for (int i = 0; i < NX * NX; i++) J[i] = 0.0;
   model_fj(x, u, c, f, J);
@@ -55,7 +55,7 @@ void boom_derivative(const double *p, const double *x, const double *u, double *
 
 /* df/dx (n, NX, NX) and df/du (n, NX, NU) at n points; df/du by central differences of 10 uA. */
 void boom_linearise(const double *p, const double *x, const double *u, long n, double *by_state, double *by_input) {
-  double c[NC > 0 ? NC : 1], f[NX], g[NX], v[NU];
+  double c[NC], f[NX], g[NX], v[NU];
   const double d = 1e-5;
   model_prepare(p, c);
   for (long k = 0; k < n; k++) {
@@ -74,7 +74,7 @@ void boom_linearise(const double *p, const double *x, const double *u, long n, d
 }
 
 void boom_outputs(const double *p, const double *x, const double *u, double *y) {
-  double c[NC > 0 ? NC : 1];
+  double c[NC];
   model_prepare(p, c);
   model_y(x, u, c, y);
 }

@@ -1,14 +1,15 @@
 """CasADi expressions -> C for the integrator: one prepared part per run, one part per step, and a sparse elimination.
 
-Expressions of the parameters alone are computed once per run (``model_prepare``), which CasADi's own generator does not do;
-the rest is straight-line code without branches on pointers. The linear systems of the Rosenbrock method,
-(I / (gamma h) - J) k = b, are factorised by straight-line code for the sparsity of J, pivots on the diagonal in
-minimum-degree order (the shift makes them safe for small h; a step with a bad pivot is rejected by its error).
+Expressions of the parameters alone are computed once per run (``model_prepare``), which CasADi's own generator does not do; the
+rest is straight-line code, in which what is needed under a condition of the parameters stands in a branch that all points of a
+run take or none. The linear systems of the Rosenbrock method, (I / (gamma h) - J) k = b, are factorised by straight-line code
+for the sparsity of J, pivots on the diagonal in minimum-degree order (the shift makes them safe for small h; a step with a bad
+pivot is rejected by its error).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -142,7 +143,7 @@ class _Emitter:
                 variable[o[0]] = f"v{k}"
                 instructions.append(_Instruction(f"v{k}", text, needs, _DEAR.get(op, 1)))
         self._guard(instructions, [value for _, value in results])
-        lines = _in_blocks(instructions, self.asked)
+        lines = _in_blocks(instructions, self.asked, {value for _, value in results})
         return "\n".join([*lines, *(f"  {target} = {value};" for target, value in results)])
 
     def _guard(self, instructions: Sequence[_Instruction], results: Iterable[str]) -> None:
@@ -172,8 +173,8 @@ class _Emitter:
             instruction.needs = {n: c if c in self.asked else "" for n, c in instruction.needs.items()}
 
 
-def _in_blocks(instructions: Sequence[_Instruction], asked: Sequence[str]) -> list[str]:
-    """C of instructions, those with one guard together as far as what they need allows."""
+def _in_blocks(instructions: Sequence[_Instruction], asked: Sequence[str], results: Collection[str]) -> list[str]:
+    """C of instructions, those with one guard together as far as what they need allows; ``results`` are read behind them."""
     users: dict[str, list[_Instruction]] = {instruction.name: [] for instruction in instructions}
     for instruction in instructions:
         for name in instruction.needs:
@@ -186,7 +187,7 @@ def _in_blocks(instructions: Sequence[_Instruction], asked: Sequence[str]) -> li
         lines += [f"  if ((on & {bits}LL) == {bits}LL) {{"] if guard else []
         for instruction in block:
             name, seen = instruction.name, [place[user.name] for user in users[instruction.name]]
-            local = not guard or (seen and all(other == k for other in seen))
+            local = not guard or (seen and name not in results and all(other == k for other in seen))
             declared += [] if local else [f"  real {name} = R(0.0);"]
             lines.append(f"  {'const real ' if local else ''}{name} = {instruction.text};")
         lines += ["  }"] if guard else []

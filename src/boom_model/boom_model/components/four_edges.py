@@ -58,5 +58,5 @@ register(Metering(
     equation="5.39l,m", specifications=SPECIFICATIONS, flows=partial(main_valve_orifices.flows, edges=areas), areas=areas,
     overlap=lambda position, p, e: ca.fmin(*overlaps(position, p, e)), largest_opening=main_valve_orifices.LARGEST_OPENING,
     neutral=lambda p: p.main_valve_orifices.x_n * p.main_valve_spool.s_max,
-    overlaps=tuple(f"main_valve_orifices.x0_{edge}" for edge in main_valve_orifices.EDGES),
+    overlaps=tuple(f"main_valve_orifices.x0_{edge}" for edge in main_valve_orifices.EDGES), check=main_valve_orifices.check_forms,
 ))  # fmt: skip

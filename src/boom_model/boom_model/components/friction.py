@@ -42,7 +42,7 @@ AT_SEALS = (
             "-",
             entry=none_unless_given,
         )
-        for key, unit, what, most in (("tau_p", "N m", "Coulomb", 1e5), ("k_p", "N m s/rad", "viscous", 1e6))
+        for key, unit, what, most in (("tau_p", "N m", "Coulomb", 1e6), ("k_p", "N m s/rad", "viscous", 1e7))
         for way, sign, word in (("pos", "+", "lifting"), ("neg", "-", "lowering"))
     ),
 )

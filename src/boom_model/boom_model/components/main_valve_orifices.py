@@ -10,7 +10,7 @@ argument. The thesis has the areas in figures only; here, with x = min(|s_s| / s
 
 No two edges have the same notches, and none is a power of the opening. With w = max(0, (x - x_0) / (1 - x_0)), u of an edge e is
 
-    u_e = w^(n + dn_e) exp(4 b_e w (1 - w)),   e = sa, tb, sb, ta,   dn_sa = 0
+    u_e = w^(n + dn_e) exp(4 b_e w max(0, 1 - w)),   e = sa, tb, sb, ta,   dn_sa = 0
 
 so n is the exponent of sa, and half open an edge has exp(b_e) times the area. All are 0 unless given; where the file says how far
 its areas may be off, or that they are a guess, a form may be off, too (``FORMS``).
@@ -46,9 +46,13 @@ LARGEST_PASSAGE, SOUND_PASSAGE = 1.0, 0.15
 ``tol`` is told: passages are two and a half times as large as the edges.
 """
 FORMS = {"dn": 0.3, "b": 0.3}
-"""Tolerances of dn and b where the areas have one: round holes, triangles and slots that are passed for one another."""
+"""Tolerances of dn and b where the areas have one: round holes, triangles and slots that are passed for one another. With more
+than b = n / 4, 0.3 and a little, an edge would shut again before it is fully open.
+"""
 EDGES = {"sa": "supply to a", "tb": "b to tank", "sb": "supply to b", "ta": "a to tank"}
 """Lifting opens sa and tb, lowering sb and ta."""
+LEAST_EXPONENT = 0.5
+"""Of a single edge: a hole opens with 1.5, a slot with 1."""
 SMALLEST_OPENING = 1e-12
 """Keeps the logarithm of the exponentiation finite; the area in the dead zone itself is exactly zero."""
 _NUMBER = r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
@@ -119,7 +123,7 @@ FORM_SPECIFICATIONS = (
     ),
     *(
         Specification(
-            f"main_valve_orifices.b_{e}", f"b_{e}", "-", f"logarithm of what the area is more half open, {way}", -1.0, 1.0, "5.17",
+            f"main_valve_orifices.b_{e}", f"b_{e}", "-", f"logarithm of what the area is more half open, {way}", -1.0, 0.3, "5.17",
             entry=_form,
         )
         for e, way in EDGES.items()
@@ -141,6 +145,17 @@ SPECIFICATIONS = (
     PASSAGE,
     *FORM_SPECIFICATIONS,
 )
+
+
+def check_forms(p: Any, _: Mapping[str, Any]) -> None:
+    """An edge with the exponent zero or less would be open at once, and shut again."""
+    for edge in EDGES:
+        more = getattr(p.main_valve_orifices, f"dn_{edge}", 0.0)
+        if p.main_valve_orifices.n + more < LEAST_EXPONENT:
+            raise MachineError(
+                f"main_valve_orifices.dn_{edge}: {more:g} makes the exponent of this edge {p.main_valve_orifices.n + more:g}; "
+                f"{LEAST_EXPONENT:g} is the least"
+            )
 
 
 def overlap(position: Expression, p: Any, e: Any, edge: str = "supply") -> Expression:
@@ -169,7 +184,7 @@ def openings(position: Expression, overlaps: tuple[Expression, Expression], p: A
 
 def _opening(u: Expression, exponent: Expression, fuller: Expression) -> Expression:
     w = ca.fmax(u, SMALLEST_OPENING)
-    return ca.if_else(u > 0, power(w, exponent) * ca.exp(4 * fuller * w * (1 - w)), 0.0)
+    return ca.if_else(u > 0, power(w, exponent) * ca.exp(4 * fuller * w * (1 - ca.fmin(w, 1.0))), 0.0)
 
 
 def behind_throttle(area: Expression, whole: Expression, throttle: Expression) -> Expression:
@@ -233,5 +248,5 @@ register(Metering(
     name="common_overlap", meaning="four edges with one overlap and one exponent",
     term="q = C_d A(s_s) sqrt(2 / rho) sqrt(dp), A = A_max ((x - x_0) / (1 - x_0))^n", equation="5.39l,m",
     specifications=SPECIFICATIONS, information=frozenset({"A_0", "A_ta_law_soft", "A_ta_max"}), flows=flows, areas=areas,
-    overlap=overlap, largest_opening=LARGEST_OPENING, overlaps=("main_valve_orifices.x0",), law=True,
+    overlap=overlap, largest_opening=LARGEST_OPENING, overlaps=("main_valve_orifices.x0",), law=True, check=check_forms,
 ))  # fmt: skip

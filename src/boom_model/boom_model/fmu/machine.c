@@ -17,7 +17,7 @@ typedef struct { double from, u[NU]; } given_t;
 typedef struct { double time, h, x[NX]; } course_t;
 
 typedef struct {
-  double p[NP], start[NS], u[NU], c[NC > 0 ? NC : 1], minimum[NX], maximum[NX];
+  double p[NP], start[NS], u[NU], c[NC], minimum[NX], maximum[NX];
   double begin, tolerance;
   course_t present, late; /* late: as far as delayed sensors show */
   given_t *given;

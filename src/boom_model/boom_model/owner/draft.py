@@ -212,18 +212,21 @@ def _spool(n: Mapping[str, float]) -> list[Entry]:
 
 
 def _pilot_valves(n: Mapping[str, float]) -> list[Entry]:
-    """h through both pressures, half of its rise linear, half square; its ``tol`` reaches to all linear and all square."""
+    """h through both pressures and zero without current: h(i) / i is a straight line."""
     (low, high), (opening, full) = _ordered(n, "current", "A"), _ordered(n, "pressure", "bar")
-    rise = (full - opening) / 2
-    square, slope = rise / (high**2 - low**2), rise / (high - low)
+    square = (full / high - opening / max(low, 1e-9)) / (high - low)
+    slope = opening / max(low, 1e-9) - square * low
+    if square <= 0.0 or slope < -2.0 * math.sqrt(square):  # it would be below -1 bar between
+        raise MachineError(
+            f"opening_pressure: no pilot valve has {opening:g} bar at {low:g} A and {full:g} bar at {high:g} A: without current "
+            "it has none, and it rises ever faster; measure opening_current and opening_pressure again"
+        )
     rate, why = 1 / (n["response_time"] * MILLI), f"{opening:g} bar at {low:g} A, {full:g} bar at {high:g} A"
     return [
         Entry("a1_s", -rate, "1/s", "derived", 0.5, f"{n['response_time']:g} ms"),
         Entry("b0_s", rate, "1/s", "derived", None, "at rest the current"),
         Entry("b1_s", 0.0, "-", "assumed", {"abs": 0.03}),
-        Entry(
-            "h", [square, slope, opening - square * low**2 - slope * low], "bar/A^2, bar/A, bar", "derived", 1.0, why
-        ),
+        Entry("h", [square, slope, 0.0], "bar/A^2, bar/A, bar", "derived", 0.1, why),
     ]
 
 
@@ -235,10 +238,10 @@ def _piloted_spool(n: Mapping[str, float]) -> list[Entry]:
         Entry("A_s", CROSS_SECTION, "m^2", "assumed", 1e-4, "20 mm; only what the pressure does of the stroke acts"),
         Entry("s_max", STROKE, "m", "assumed", 1e-4, "only shares of it act"),
         Entry("k", spring, "N/m", "derived", 0.1, f"full stroke at {n['full_pressure']:g} bar"),
-        Entry("m_s", mass, "kg", "assumed", {"factor": 2.0}, "80 Hz: no matter beside the pilot valves"),
+        Entry("m_s", mass, "kg", "assumed", {"factor": 2.0}, "80 Hz"),
         Entry("d_v", math.sqrt(spring * mass), "N s/m", "assumed", {"factor": 2.0}, "damping ratio 0.5"),
         Entry("f_c", 0.06 * full, "N", "assumed", {"factor": 3.0}, "2 to 20 % of the full pressure is usual"),
-        Entry("sigma_s", 0.01, "m/s", "assumed", {"factor": 2.0}),
+        Entry("sigma_s", 0.05, "m/s", "assumed", {"factor": 5.0}),
     ]
 
 

@@ -12,9 +12,12 @@ import numpy as np
 from boom_model.components.four_bar_linkage import piston_position
 from boom_model.errors import MachineError
 from boom_model.owner.entry import Entry
+from boom_model.owner.questions import BY_KEY
 
 PIN, ANGLE = {"abs": 0.01}, {"abs": 0.035}
 """Tolerances: 1 cm, 2 deg."""
+UNUSED = 0.05
+"""Share of the stroke that a linkage may leave unused at the retracted end."""
 WITHIN = 0.999
 """Share of the range that is used: at its very end a linkage has no lever."""
 
@@ -58,11 +61,11 @@ def _triangle(word: str, n: Mapping[str, float]) -> list[Entry]:
         )
     if pins:
         turned = math.atan2(n["eye_y"], n["eye_x"]) - math.atan2(n["foot_y"], n["foot_x"])
-        phi = math.remainder(turned, 2 * math.pi)
-        low = begin - phi
+        low = math.remainder(begin - turned, 2 * math.pi)
+        _plausible(low)
     else:
         low = math.radians(n["lowest_angle"])
-        phi = begin - low
+    phi = begin - low
     source = ("foot_x", "eye_x") if pins else ("foot_distance", "eye_distance")
     why = "between the lines to the pins, boom level" if pins else "from the lowest angle, 2 deg"
     return [
@@ -83,20 +86,26 @@ def _four_bar(n: Mapping[str, float]) -> list[Entry]:
         kinematics=SimpleNamespace(**pins, L1=n["long_bar"], L2=n["short_bar"]),
         cylinder=SimpleNamespace(l_min=n["closed_length"]),
     )
-    angles = np.linspace(-math.pi, math.pi, 7201)
+    angles = np.linspace(-2 * math.pi, 2 * math.pi, 14_401)
     stroke = np.asarray(piston_position(ca.DM(angles), p)).ravel()
     with np.errstate(invalid="ignore"):
         lifts = (np.gradient(stroke) > 0.0) & (stroke >= 0.0) & (stroke <= n["stroke"])
     edges = np.flatnonzero(np.diff(np.concatenate(([False], lifts, [False])).astype(int))).reshape(-1, 2)
-    if not len(edges):
+    begin, end = max(edges.tolist(), key=lambda run: run[1] - run[0], default=(0, 1))
+    used = stroke[[begin, end - 1]] if len(edges) else np.array([math.nan, math.nan])
+    if not (used[0] < UNUSED * n["stroke"] and np.ptp(used) > n["stroke"] / 2):
         ever = stroke[np.isfinite(stroke)] + n["closed_length"]
-        closes = f"the cylinder is {ever.min():.3f} .. {ever.max():.3f} m long" if len(ever) else "the bars do not meet"
-        raise MachineError(
-            f"closed_length: with these pins and bars {closes}, and never lifts between {n['closed_length']:g} and "
-            f"{n['closed_length'] + n['stroke']:g} m: measure pins, bars and cylinder again"
+        closes = (
+            f"the cylinder is {ever.min():.3f} .. {ever.max():.3f} m long" if len(ever) else "the linkage never closes"
         )
-    begin, end = edges[np.argmax(edges[:, 1] - edges[:, 0])]
-    low, high = float(angles[begin]), float(angles[end - 1])
+        part = f" and lifts between {used[0] * 1e3:.0f} and {used[1] * 1e3:.0f} mm of its stroke" if len(edges) else ""
+        raise MachineError(
+            f"closed_length: with these pins and bars {closes}{part}, not from {n['closed_length']:g} m over its stroke of "
+            f"{n['stroke']:g} m: measure pins (x outward, y up), bars and cylinder again"
+        )
+    turn = 2 * math.pi * round((angles[begin] + angles[end - 1]) / (4 * math.pi))
+    low, high = float(angles[begin]) - turn, float(angles[end - 1]) - turn
+    _plausible(low)
     return [
         *(Entry(key, value, "m", source, PIN, why) for (key, value), source, why in zip(
             pins.items(), ("foot_x", "pivot_x", "eye_x"),
@@ -107,3 +116,13 @@ def _four_bar(n: Mapping[str, float]) -> list[Entry]:
         Entry("q2_stroke_min", low, "rad", "derived", None, "cylinder retracted"),
         Entry("q2_max", low + WITHIN * (high - low), "rad", "derived", None, "cylinder extended"),
     ]  # fmt: skip
+
+
+def _plausible(low: float) -> None:
+    """Raises MachineError where the boom would be lowest at an angle [rad] that no boom has."""
+    least, most = BY_KEY["lowest_angle"].low, BY_KEY["lowest_angle"].high
+    if not least <= math.degrees(low) <= most:
+        raise MachineError(
+            f"foot_x: with these pins the cylinder is shortest with the boom at {math.degrees(low):.0f} deg: check the signs "
+            "(x outward, y up); a cylinder that lifts by retracting cannot be described"
+        )

@@ -106,7 +106,10 @@ QUESTIONS: tuple[Question, ...] = (
     Question("eye_y", "the same across the boom, - = below its line", "m", -10.0, 10.0, only=_DRAWN),
     Question("pivot_x", "drawing: pin of the long bar on the column, from the boom joint outward", "m", -10.0, 10.0, only=_BARS),
     Question("pivot_y", "the same upward", "m", -10.0, 10.0, only=_BARS),
-    Question("long_bar", "tape measure: bar from the column to the rod's pin", "m", 0.01, 10.0, only=_BARS),
+    Question(
+        "long_bar", "tape measure: bar from the column to the rod's pin, which lies below the line of the other pins of both bars",
+        "m", 0.01, 10.0, only=_BARS,
+    ),
     Question("short_bar", "tape measure: bar from the boom to the rod's pin", "m", 0.01, 10.0, only=_BARS),
     Question("closed_length", "data sheet or tape measure: cylinder retracted, pin to pin", "m", 0.1, 20.0),
     Question("stroke", "data sheet: stroke of the cylinder", "m", 0.05, 10.0),
