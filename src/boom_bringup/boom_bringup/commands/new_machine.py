@@ -88,8 +88,9 @@ def run(args: argparse.Namespace) -> int:
     from boom_bringup.commands import _new_machine
 
     recordings = _new_machine.read(args, answers)
-    proposed = _answer(answers, ask=not args.yes and _at_terminal())
-    _refuse_unasked(args, answers)
+    ask = not args.yes and _at_terminal()
+    proposed = _answer(answers, ask=ask)
+    _refuse_unasked(args, answers, said_only=ask)
     from boom_model.owner import draft
 
     text = draft.text(answers, _body(args, answers), _new_machine.sensors(recordings.values()), proposed)
@@ -128,14 +129,18 @@ def _given(args: argparse.Namespace) -> dict[str, Answer]:
     return answers
 
 
-def _refuse_unasked(args: argparse.Namespace, answers: dict[str, Answer]) -> None:
-    """Raises UsageError for an option that would be lost: its question is not asked with the other answers."""
+def _refuse_unasked(args: argparse.Namespace, answers: dict[str, Answer], *, said_only: bool) -> None:
+    """Raises UsageError for an option that would be lost, as its question is not asked with the other answers.
+
+    said_only: it is only told, as answers that were typed would be lost with it.
+    """
     for question in QUESTIONS:
         if getattr(args, question.key) is not None and not question.asked(answers):
             key, *words = question.only
-            raise UsageError(
-                f"{question.option} goes with {BY_KEY[key].option} {' or '.join(words)}: give that, or leave it out"
-            )
+            goes = f"{question.option} goes with {BY_KEY[key].option} {' or '.join(words)}"
+            if not said_only:
+                raise UsageError(f"{goes}: give that, or leave it out")
+            print(f"not used: {goes}")
 
 
 def _at_terminal() -> bool:
