@@ -151,7 +151,7 @@ def _bearable(case: Case, best: Weighed) -> float:
 
 def numbers_of(case: Case, fitted: Fitted) -> dict[str, Estimate]:
     """What is stated of all numbers of a fit's effects, dotted names."""
-    return estimates(fitted, max(1.0, case.temperature / COLDEST))
+    return estimates(fitted, max(1.0, case.temperature / COLDEST), max((b.time[-1] for b in case.bags), default=np.inf))
 
 
 def temperature(case: Case, at: Point) -> float:

@@ -219,9 +219,10 @@ def of_tolerances(
     return np.asarray(covariance * np.outer(wider, wider))
 
 
-def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
+def estimates(fitted: Fitted, temperature: float, over: float = inf) -> dict[str, Estimate]:
     """Numbers of all its effects with 90 % intervals, dotted names: the wider of two, posterior and scatter.
 
+    over: when the recordings end [s]: what comes or goes then does not.
     What the recordings tell counts ``FORM`` times less sharply, and to the ``form`` of a coordinate at best; how far a tolerance
     reaches stays.
     """
@@ -234,8 +235,8 @@ def estimates(fitted: Fitted, temperature: float) -> dict[str, Estimate]:
     for c in fitted.coordinates:
         value, (_, effect, name) = fitted.point.effects[c.name], c.name.split(".")
         of = next(row.of for row in EFFECTS[effect].parameters if row.name == name)
-        if is_none(c.name, value) or (c.onset and value < GRASP) or f"{effect}.{of}" in gone:
-            gone.add(f"{effect}.{name}")  # what lies on the ground was there before
+        if is_none(c.name, value) or (c.onset and not GRASP <= value < over - GRASP) or f"{effect}.{of}" in gone:
+            gone.add(f"{effect}.{name}")  # what lies on the ground was there before, what hangs stays
             continue
         spread, known = (Z90 * sqrt(v.get(c.name, inf) + c.form**2) for v in (variances, told))
         if c.onset:

@@ -29,7 +29,7 @@ def first_round() -> Any:
     """A case whose first round begins with 1000 nats too many."""
     made: Any = Case.__new__(Case)
     made.__dict__ |= {
-        "machine": tz17(),
+        "machine": tz17(), "bags": [],
         "select": [np.ones((SAMPLES // 4, 4), dtype=bool)], "floor": WHITE, "proving": [], "taken": [], "disproved": [],
         "spared": {}, "weighed": [[]], "impossible": [], "trained": [point(1000.0)],
         "rounds": [SimpleNamespace(base=point(1000.0), problem=None, fitted=())],

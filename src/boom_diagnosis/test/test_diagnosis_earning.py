@@ -139,7 +139,8 @@ def test_a_free_run_that_ends_early_counts_as_worse(
     monkeypatch.setattr(proof, "in_parallel", lambda function, items: [function(item) for item in items])
     case.machine = case.pose = None
     case.others, case.seed = {}, 0
-    monkeypatch.setattr(Case, "numbers", lambda self, at: {})
+    monkeypatch.setattr(Case, "numbers", lambda self, z, effects: {})
+    monkeypatch.setattr(Case, "everywhere", lambda self, at: at.z)
     monkeypatch.setattr(proof, "found_machine", lambda *given: None)
     monkeypatch.setattr(proof, "placed", lambda *given: None)
     monkeypatch.setattr(proof, "free_run", lambda *given: None)
@@ -272,7 +273,7 @@ def test_an_effect_that_may_do_nothing_is_given_up_where_parameters_leave_no_cle
     found = weighed("payload", 50.0, 50.0, rest)
     case.taken, case.weighed, case.trained, case.final = [found], [[found]], [point(rest), point(rest)], found.fitted
     numbers = {"effects.payload.mass": Estimate(3.0, "kg", interval)}
-    monkeypatch.setattr(earning, "estimates", lambda fitted, temperature: numbers)
+    monkeypatch.setattr(earning, "estimates", lambda fitted, temperature, over: numbers)
     assert earning.given_up(case) is not kept
     assert (case.taken, case.disproved, len(case.trained)) == (([found], [], 2) if kept else ([], [found], 1))
 

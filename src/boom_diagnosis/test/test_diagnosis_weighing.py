@@ -143,6 +143,17 @@ def test_a_number_that_stretches_of_a_recording_disagree_about_is_known_worse() 
     assert spread[1] == pytest.approx(0.5**2 * np.var(block, ddof=1) / 40, rel=0.1)
 
 
+@pytest.mark.parametrize(("gone", "stated"), [(40.0, True), (59.9, False), (60.2, False)])
+def test_a_load_that_goes_as_the_recording_ends_does_not_go(gone: float, stated: bool) -> None:
+    names = all_coordinates(["payload_change"])
+    values = {c.name: 300.0 for c in names} | {"effects.payload_change.t_g": 20.0, "effects.payload_change.t_r": gone}
+    point = Point(np.zeros(0), values, np.zeros(8000), np.ones(8000, dtype=bool), 0.0, [], [])
+    fitted = Fitted("payload_change", point, names, np.full((8000, len(names)), 1e2), 0.0, ())
+    numbers = estimates(fitted, 3.0, over=60.0)
+    assert ("effects.payload_change.t_r" in numbers) == stated
+    assert numbers["effects.payload_change.t_g"].value == 20.0
+
+
 def test_an_interval_is_no_narrower_than_its_number_has_a_meaning() -> None:
     """Told to 1e-6 by 8000 innovations: a factor of the pilot's lag means 6 %, a delay what it says."""
     w, everything = np.zeros(8000), np.ones(8000, dtype=bool)
