@@ -24,6 +24,7 @@ from boom_diagnosis.search import FURTHER, GLANCE, Candidate, Fitted, Scanner, p
 from boom_diagnosis.sizes import size_of
 from boom_diagnosis.weighing import NEGLIGIBLE
 from boom_model.catalogue import EFFECTS
+from boom_model.components.main_valve_orifices import FORM_SPECIFICATIONS
 from boom_model.machine import Machine
 
 Array = NDArray[np.float64]
@@ -72,6 +73,9 @@ STEEP = 0.1
 """Share of what an effect leaves over white noise that a fit with fresh derivatives must gain for one more to be worth its time."""
 NOTICED, NOTICED_EACH = 12.0, 0.5
 """Nats, and more for each tolerance, that tolerances must gain before they count as moved at all."""
+
+SHAPES = frozenset(spec.key for spec in FORM_SPECIFICATIONS)
+"""Numbers of the machine that are no sizes."""
 
 Progress = Callable[[str, float], None]
 
@@ -299,15 +303,20 @@ class Nominal:
 
     @cached_property
     def tolerances(self) -> Point:
-        """The fit without any further effect; what is wrong in the file comes first, as all others may be right."""
-        start, jacobian = self.at, self.jacobian
+        """The fit without any further effect; what is wrong in the file comes first, as all others may be right.
+
+        Sizes come before shapes: forms of edges make up for areas that are far off, in valleys that no fit leaves.
+        """
+        start, jacobian = self.at, self.jacobian.copy()
         if self._wrong:
             alone = np.zeros_like(jacobian)
             alone[:, self._wrong] = jacobian[:, self._wrong]
             start, _ = self.problem.fit(start, alone, self.kept, further=FURTHER)
             jacobian = self.problem.nuisance_jacobian(start)
+        shapes = [k for k, n in enumerate(self.problem.nuisances) if n.name in SHAPES]
+        jacobian[:, shapes] = 0.0
         point, _ = self.problem.fit(start, jacobian, self.kept, further=FURTHER)
-        if point.excess(WHITE) > STUCK:
+        if shapes or point.excess(WHITE) > STUCK:
             point, _ = self.problem.fit(point, self.problem.nuisance_jacobian(point), self.kept)
         return point
 
