@@ -1,11 +1,10 @@
 """Metering edges of the main valve, each with its own overlap and area, of a spool whose neutral may be off-centre.
 
-    A_e = A_e_max w^(n + dn_e) exp(4 b_e w (1 - w)),   w = max(0, (x - x0_e) / (1 - x0_e)),   e = sa, tb, sb, ta
-    x = min(|s_s + x_n s_max| / s_max, 1.2)
+    A_e = A_e_max u_e,   w = max(0, (x - x0_e) / (1 - x0_e)),   x = min(|s_s + x_n s_max| / s_max, 1.2),   e = sa, tb, sb, ta
 
 Letters: from s(upply) or to t(ank), port a or b. Not in the thesis: overlaps of real spools are .05 to .18 and unequal, so that one
-edge opens before its partner, and the neutral is off by 2 to 6 % of full command. n, dn_e and b_e as in ``main_valve_orifices``.
-Flows as in ``main_valve_orifices``.
+edge opens before its partner, and the neutral is off by 2 to 6 % of full command. u_e(w)
+and flows as in ``main_valve_orifices``.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ def areas(position: Expression, p: Any, e: Any) -> tuple[Expression, Expression]
 
 register(Metering(
     name="four_edges", meaning="four edges, each with its own overlap and area",
-    term="q = C_d A_e(s_s) sqrt(2 / rho) sqrt(dp), A_e = A_e_max w^(n + dn_e) exp(4 b_e w (1 - w)), e = sa, tb, sb, ta",
+    term="q = C_d A_e(s_s) sqrt(2 / rho) sqrt(dp), A_e = A_e_max u_e(s_s), e = sa, tb, sb, ta",
     equation="5.39l,m", specifications=SPECIFICATIONS, flows=partial(main_valve_orifices.flows, edges=areas), areas=areas,
     overlap=lambda position, p, e: ca.fmin(*overlaps(position, p, e)), largest_opening=main_valve_orifices.LARGEST_OPENING,
     neutral=lambda p: p.main_valve_orifices.x_n * p.main_valve_spool.s_max,
