@@ -232,6 +232,23 @@ def test_a_stream_beyond_the_limits_is_followed_to_their_margin(boom: Boom) -> N
     assert boom.last.status == "warning" and "beyond" in boom.last.reason
 
 
+def test_a_boom_that_stands_beyond_its_limits_stays_where_a_stream_wants_it_and_goes_no_further_out(boom: Boom) -> None:
+    boom.loop.change(supervision=SupervisionSettings(lowest_angle=boom.angle + 0.15))
+    begin = boom.angle
+    boom.wanted = lambda _: begin
+    boom.run(1.0)
+    assert boom.last.state is MotionState.TRACK
+    assert boom.angle == pytest.approx(begin, abs=1e-3)
+    boom.wanted = lambda _: begin - 0.02
+    boom.run(1.0)
+    assert boom.angle == pytest.approx(begin, abs=1e-3)
+    assert boom.last.status == "warning" and "beyond" in boom.last.reason
+    inside = boom.now
+    boom.wanted = lambda now: min(begin + 0.2 * (now - inside), begin + 0.2)
+    boom.run(3.0)
+    assert boom.angle == pytest.approx(begin + 0.2, abs=2e-3)
+
+
 def test_a_reference_of_many_digits_is_told_in_few(boom: Boom) -> None:
     boom.wanted = lambda now: 1e308
     boom.run(0.5)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_diagnosis.bag_samples import Bag, by_pose
-from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.fitting import WHITE, Point, Problem
 from boom_diagnosis.found_machine import TOLD
 from boom_diagnosis.freerun import Elsewhere
 from boom_diagnosis.hypotheses import LOOSENESS, Nominal, Round, problem_at
@@ -60,7 +60,8 @@ class Case:
         training, judged: two parts of them; what is proved is fitted to the first and judged on the second. Without recordings
             that are held out the second is the end of each recording, else it is empty.
         elsewhere: blocks of long recordings that only the proof looks at.
-        floor: loss per innovation of a healthy machine with the same currents. healthy: its recordings.
+        floor: loss per innovation of a healthy machine with the same currents, of white noise until it is known. healthy: its
+            recordings.
         rounds, weighed: what each round found, and its effects with what speaks for them. taken: those that earned their place.
         disproved: effects of the first round that gained enough, but made free runs over data not used worse, or gained it only on
             data held out, or only with a looser observer, or may do nothing where nothing is left.
@@ -91,7 +92,7 @@ class Case:
     seed: int
     others: Mapping[str, Pose] = field(default_factory=dict)
     elsewhere: tuple[Elsewhere, ...] = ()
-    floor: float = 0.0
+    floor: float = WHITE
     healthy: list[Bag] = field(default_factory=list)
     healthy_squares: Array = field(default_factory=lambda: np.ones(len(OUTPUTS)))
     rounds: list[Round] = field(default_factory=list)

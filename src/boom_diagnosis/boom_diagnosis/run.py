@@ -24,7 +24,7 @@ from boom_diagnosis.restarts import in_deepest_valley
 from boom_diagnosis.rounds import rounds, share
 from boom_diagnosis.search import Fitted
 from boom_diagnosis.second_search import begun_elsewhere
-from boom_diagnosis.straying import commanded_oftener, strayed
+from boom_diagnosis.straying import commanded_oftener, of_slow_log, strayed
 from boom_diagnosis.stretches import Stretches, excited, stretches, tells_nothing
 from boom_diagnosis.unsearched import About, not_enough_excitation, spoilt
 from boom_diagnosis.weighed_case import searched, weighed_case_of
@@ -103,7 +103,7 @@ def _searched(parts: Stretches, machine: Machine, progress: Progress, about: Abo
 
 def search(case: Case, progress: Progress) -> Case:
     """Round after round: what explains most is taken, all is computed anew, until nothing earns its place; the case as it ends."""
-    case = rounds(case, progress)
+    case = _explained_by_its_log(case, progress) or rounds(case, progress)
     if not case.learned and case.rest(case.last) > NEGLIGIBLE:
         first = case
         if slow := commanded_oftener(case):
@@ -118,6 +118,15 @@ def search(case: Case, progress: Progress) -> Case:
     progress("free runs", 0.78)
     _finish(case)
     return case
+
+
+def _explained_by_its_log(case: Case, progress: Progress) -> Case | None:
+    """The case at its end, where what its log leaves open and the tolerances explain all; else None."""
+    slow = of_slow_log(case)
+    if slow is None:
+        return None
+    slow = rounds(slow, progress)
+    return slow if not slow.taken and slow.rest(slow.last) <= NEGLIGIBLE else None
 
 
 def _better(case: Case, again: Case) -> Case:

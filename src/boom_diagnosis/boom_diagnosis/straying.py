@@ -21,7 +21,7 @@ from boom_diagnosis.bag_samples import Bag, prepare
 from boom_diagnosis.case import Case, Flags, case_of
 from boom_diagnosis.earning import chance, temperature
 from boom_diagnosis.fitting import Point, Problem
-from boom_diagnosis.hypotheses import LOOSENESS, problem_at
+from boom_diagnosis.hypotheses import FAR_OFF, LOOSENESS, problem_at
 from boom_diagnosis.locating import disturbed, links
 from boom_diagnosis.nuisances import CLOCK
 from boom_diagnosis.weighing import COLDEST, ENOUGH
@@ -42,29 +42,56 @@ def commanded_oftener(case: Case) -> Case | None:
 
     It must gain more than chance whatever disturbs the machine, which both may see: the log's shortcoming beside physics.
     """
-    at, period = case.last, max(float(np.median(np.diff(bag.currents.sampled_at))) for bag in case.bags)
-    slow = any(bag.currents.late for bag in case.bags)
-    seen = links(case.machine)
+    at, seen = case.last, links(case.machine)
 
     def likeliest(problem: Problem, z: Array) -> tuple[float, float]:
         point = problem.points([(z, at.effects)])[0]
         return max(problem.likelihood_at(z, at.effects), disturbed(problem, point, seen)), _enough(case, point)
 
     best, most = None, likeliest(case.problem(at.z, at.effects, LOOSENESS[0]), at.z)[0]
-    on_stamps = np.where(
-        [n.label == CLOCK for n in case.nuisances], 0.0, at.z
-    )  # lines stand half a sample earlier by themselves
-    for share in (1.0,) if slow else OFTENER:
-        machine = _commanding_every(share * period, case.machine)
-        bags = [prepared for bag in case.bags if (prepared := prepare(bag.recording, machine))]
-        tried = case_of(machine, bags, [p for bag in case.proving if (p := prepare(bag.recording, machine))], case.seed)
-        reached, needed = likeliest(
-            problem_at(machine, tried.bags, case.select, case.nuisances, on_stamps, at.effects, LOOSENESS[0]), on_stamps
-        )
+    z = _on_stamps(case, at.z)
+    for tried in _commanded_otherwise(case):
+        problem = problem_at(tried.machine, tried.bags, case.select, case.nuisances, z, at.effects, LOOSENESS[0])
+        reached, needed = likeliest(problem, z)
         if reached > most + (0.0 if best else needed):
-            tried.elsewhere, tried.oftener = case.elsewhere, share * period
             best, most = tried, reached
     return best
+
+
+def of_slow_log(case: Case) -> Case | None:
+    """The case from its beginning, where what the currents did between their samples is all that tolerances leave; else None.
+
+    Looked at before any effect: each would first be tried on what is the log's.
+    """
+    at = case.nominal.tolerances
+    if case.rest(at) <= FAR_OFF:
+        return None
+
+    def likelihood(tried: Case) -> float:
+        z = _on_stamps(case, at.z) if tried is not case else at.z
+        return tried.problem(z, at.effects, LOOSENESS[0]).likelihood_at(z, at.effects)
+
+    best = max([case, *_commanded_otherwise(case)], key=likelihood)
+    return best if best is not case and best.rest(best.nominal.tolerances) <= FAR_OFF else None
+
+
+def _commanded_otherwise(case: Case) -> list[Case]:
+    """The case from its beginning with each other T_s that its log lets be."""
+    period = max(float(np.median(np.diff(bag.currents.sampled_at))) for bag in case.bags)
+    result = []
+    for share in (1.0,) if any(bag.currents.late for bag in case.bags) else OFTENER:
+        machine = _commanding_every(share * period, case.machine)
+        bags = [prepared for bag in case.bags if (prepared := prepare(bag.recording, machine))]
+        proving = [prepared for bag in case.proving if (prepared := prepare(bag.recording, machine))]
+        tried = case_of(machine, bags, proving, case.seed)
+        tried.elsewhere, tried.oftener = case.elsewhere, share * period
+        result.append(tried)
+    return result
+
+
+def _on_stamps(case: Case, z: Array) -> Array:
+    """z with no offset of the currents' clock: lines stand half a sample earlier by themselves."""
+    return np.where([n.label == CLOCK for n in case.nuisances], 0.0, z)
 
 
 def _enough(case: Case, at: Point) -> float:

@@ -2,6 +2,8 @@
 
 A message does not say who sent it. Where several nodes publish, a ``false`` may be another one's than the ``true`` that stands, and
 does not count: that it does nothing is told, and once one publisher is left, its next ``false`` counts.
+
+A stop counts whatever QoS it is published with. One that latches is heard twice, which changes nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ class EmergencyStop:
     def __init__(self, node: Any, changed: Callable[[bool], None]) -> None:
         self.standing = False
         self._node, self._changed = node, changed
-        node.create_subscription(Bool, TOPIC, self._take, qos.requested(TOPIC))
+        for profile in (qos.requested(TOPIC), qos.FROM_ANYBODY):
+            node.create_subscription(Bool, TOPIC, self._take, profile)
 
     def _take(self, message: Bool) -> None:
         wanted = bool(message.data)

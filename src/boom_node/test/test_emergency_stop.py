@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
 from std_msgs.msg import Bool
 
 from boom_node.emergency_stop import EmergencyStop
@@ -17,10 +18,12 @@ class Graph:
     def __init__(self) -> None:
         self.names = ["panel"]
         self.told: list[str] = []
+        self.profiles: list[Any] = []
         self.guard = SimpleNamespace(refuse=lambda topic, reason, text: self.told.append(text))
 
     def create_subscription(self, kind: Any, topic: str, callback: Any, profile: Any) -> None:
         self.say = lambda wanted: callback(Bool(data=wanted))
+        self.profiles.append(profile)
         assert profile.depth >= 100
 
     def count_publishers(self, topic: str) -> int:
@@ -55,3 +58,14 @@ def test_once_one_publisher_is_left_its_next_false_counts() -> None:
     graph.names = ["panel"]
     graph.say(False)
     assert (heard, stop.standing) == ([True, False], False)
+
+
+def test_a_stop_is_heard_from_publishers_of_any_qos_and_from_those_that_latch_by_who_comes_later() -> None:
+    graph = Graph()
+    EmergencyStop(graph, lambda _: None)
+    of_any = [
+        p for p in graph.profiles
+        if p.reliability == QoSReliabilityPolicy.BEST_EFFORT and p.durability == QoSDurabilityPolicy.VOLATILE
+    ]  # fmt: skip
+    latched = [p for p in graph.profiles if p.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL]
+    assert len(of_any) == len(latched) == 1

@@ -107,10 +107,6 @@ class SimulationNode(Node):
 
     def _on_command(self, message: SolenoidCurrents) -> None:
         stamp_ns = to_ns(message.header.stamp)
-        if self._held and not self._stop.standing and max(abs(message.retract), abs(message.extend)) <= CLOSED_A:
-            self._held = False
-        if self._conflict() or self._held:
-            message.retract = message.extend = 0.0
         if not self._lockstep:
             wrong = far(stamp_ns, self.get_clock().now().nanoseconds) if stamp_ns else ""
             if wrong:
@@ -122,6 +118,11 @@ class SimulationNode(Node):
             if late:
                 self._refuse(late)
                 return
+        closed = all(abs(current) <= CLOSED_A for current in (message.retract, message.extend))  # false of NaN
+        if closed and not self._stop.standing:
+            self._held = False
+        if self._conflict() or self._held:
+            message.retract = message.extend = 0.0
         try:
             self._crane.command(
                 message.retract, message.extend, ns_to_seconds(stamp_ns - self._origin_ns) if stamp_ns else None

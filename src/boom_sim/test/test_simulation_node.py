@@ -15,6 +15,7 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool, String
@@ -292,12 +293,14 @@ def test_crane_that_left_its_range_stands_until_reset(partner: Partner, start: A
     assert partner.step(0.0, 0.0).position[0] == pytest.approx(1.55, abs=1e-4)
 
 
-@pytest.mark.parametrize("pulses", [1, 5])
+@pytest.mark.parametrize(
+    ("pulses", "profile"), [(1, qos.LATCHED), (5, qos.LATCHED), (1, qos.EVENTS), (1, qos.SENSOR_DATA)]
+)
 def test_an_emergency_stop_closes_the_valve_however_short_and_commands_begin_again_from_zero(
-    start: Callable[..., subprocess.Popen[str]], partner: Partner, pulses: int
+    start: Callable[..., subprocess.Popen[str]], partner: Partner, pulses: int, profile: QoSProfile
 ) -> None:
     start("mode:=lockstep", "sensors:=ideal")
-    stop = partner.node.create_publisher(Bool, "/boom/emergency_stop", qos.BY_TOPIC["/boom/emergency_stop"])
+    stop = partner.node.create_publisher(Bool, "/boom/emergency_stop", profile)
     partner.until(lambda: partner.commands.get_subscription_count() and stop.get_subscription_count())
     for _ in range(40):
         lifted = partner.step(0.0, 0.6)
@@ -310,5 +313,7 @@ def test_an_emergency_stop_closes_the_valve_however_short_and_commands_begin_aga
         return float([partner.step(*currents) for _ in range(100)][-1].velocity[0])
 
     assert abs(speed(0.0, 0.6)) < 0.02  # what went on commanding does not start it
+    partner.step(0.0, math.nan)
+    assert abs(speed(0.0, 0.6)) < 0.02  # nor does what is refused
     partner.step(0.0, 0.0)
     assert speed(0.0, 0.6) > 0.05

@@ -151,9 +151,8 @@ class ControlLoop:
 
     def due(self, now: float) -> bool:
         """True if a cycle has to run now because the sensors are complete; never twice within a quarter period."""
-        return self.sensors.complete(MOST_APART * self._period) and (
-            self._last_cycle is None or now - self._last_cycle >= 0.25 * self._period
-        )
+        waited = self._last_cycle is None or now - self._last_cycle >= 0.25 * self._period
+        return waited and self.sensors.complete(MOST_APART * self._period)
 
     def overdue(self, now: float) -> bool:
         """True if a cycle has to run although samples are missing: one of a set is late, or all are."""
@@ -196,12 +195,10 @@ class ControlLoop:
             self._refuse_stream(f"the reference is {wanted}: it is not used")
             return
         self._last_reference = now
-        low, high = self._angles if self.configuration else (-math.inf, math.inf)
-        clamped = min(max(wanted, low), high)
-        came = now if self._watch_cycles else None
-        state = self.supervision.state
+        came, state = now if self._watch_cycles else None, self.supervision.state
         if state is MotionState.TRACK:
             if self.references.kind == "stream":
+                clamped = self._bounds(self.references.present.angle).nearest(wanted)
                 self.references.stream(clamped, came)
                 beyond = f"the reference of {wanted:.4g} rad is beyond {clamped:.3f} rad"
                 self._note = "" if clamped == wanted else beyond
@@ -221,7 +218,7 @@ class ControlLoop:
             return
         self._begin()
         self._refused_stream = self._note = ""
-        self.references.stream(clamped, came)
+        self.references.stream(self._bounds(present).nearest(wanted), came)
         self.supervision.track()
 
     def start(
@@ -243,11 +240,10 @@ class ControlLoop:
             raise TrajectoryError(f"the boom is {state.value}: {why}; call ~/resume first")
         if missing := self.interlock.missing(now):
             raise TrajectoryError(missing)
-        sensor, limits, idle = self.sensors.joint, self.supervision.settings, state is MotionState.IDLE
+        sensor, idle = self.sensors.joint, state is MotionState.IDLE
         angle = sensor.values[0]
         request = Request(points, begin, present=Reference(angle) if idle else self.references.onward)
-        within = Bounds(*self._angles, limits.largest_rate, limits.start_tolerance)
-        bounds = within.from_where(angle, request.present.angle)
+        bounds = self._bounds(angle, request.present.angle)
         # a boom in motion goes on from its reference, which is that of the last cycle: a newer sample may wait for the next one
         trajectory, from_now = request.planned(angle, sensor.stamp, sensor.stamp if idle else self._time, bounds)
         self._goals.end(Code.INVALID_GOAL, "replaced by a new trajectory")
@@ -255,8 +251,12 @@ class ControlLoop:
         self.references.start(trajectory, from_now)
         self.supervision.track()
         self._note = ""
-        asked = tolerances or Tolerances.asked(0.0, 0.0, 0.0, limits)
+        asked = tolerances or Tolerances.asked(0.0, 0.0, 0.0, self.supervision.settings)
         return self._goals.start(TrackingGoal(asked, trajectory.duration, trajectory.goal))
+
+    def _bounds(self, *where: float) -> Bounds:
+        limits = self.supervision.settings
+        return Bounds(*self._angles, limits.largest_rate, limits.start_tolerance).from_where(*where)
 
     def cancel(self, number: int | None = None) -> bool:
         """End a trajectory (of this number, or any): the boom comes to rest and is held."""

@@ -83,6 +83,10 @@ class Bounds:
         """The bounds of a boom that stands at these angles [rad], measured and by its reference."""
         return replace(self, least=min(angles), most=max(angles))
 
+    def nearest(self, angle: float) -> float:
+        """The angle [rad] within the bounds that is nearest to one that is asked for."""
+        return min(max(angle, min(self.low, self.least)), max(self.high, self.most))
+
 
 class JointTrajectory:
     """A checked trajectory.
