@@ -166,6 +166,20 @@ def test_without_the_replay_the_crane_closes_its_valve_and_says_so(chain: dict[s
     assert recording.signals["extend_current"].values[-1] < 0.01
 
 
+def test_a_replay_that_stood_still_does_not_go_on_in_the_middle_of_a_motion(
+    chain: dict[str, Node], tmp_path: Path
+) -> None:
+    replay = chain.pop("replay")
+    replay.process.send_signal(signal.SIGSTOP)
+    chain["simulation"].says(r"no current command for 100 ms: the valve is closed")
+    replay.process.send_signal(signal.SIGCONT)
+    assert replay.ends() == 2
+    assert re.search(r"the replay itself stood still for \d+ ms", replay.text())
+    the_crane_reports_no_current()
+    all_end_well(chain, "replay")
+    assert load(tmp_path / "bag").signals["extend_current"].values[-1] < 0.01
+
+
 def test_without_the_crane_the_replay_ends_the_others_go_on_and_name_what_is_missing(
     chain: dict[str, Node], tmp_path: Path
 ) -> None:

@@ -1,10 +1,15 @@
 """Delivers samples at the pace of the recording, faster or slower, with pause and stop. No ROS."""
 
+import math
 import threading
 import time
 from collections.abc import Callable, Iterable
 
 from boom_recording.replay import PERIOD_NS, ReplaySample
+
+
+class StoodStillError(Exception):
+    """A sample was due so long ago that its readers have closed the valve: it may not open in the middle of the motion."""
 
 
 class ReplayPacer:
@@ -14,6 +19,7 @@ class ReplayPacer:
     send       called with the sample and the replayed time [ns] it is due at
     tick       called every 10 ms of replayed time, and at each sample, with the replayed time [ns]; None = no clock
     start_ns   replayed time of stamp zero [ns]
+    latest     by how much a sample may be late at most [s]
 
     `run` blocks and belongs into a thread of its own; the other methods may be called from any thread.
     """
@@ -24,11 +30,13 @@ class ReplayPacer:
         send: Callable[[ReplaySample, int], None],
         tick: Callable[[int], None] | None = None,
         start_ns: int = 0,
+        latest: float = math.inf,
     ) -> None:
         self._rate = rate
         self._send = send
         self._tick = tick
         self._start_ns = start_ns
+        self._latest = latest
         self._changed = threading.Condition()
         self._stopped = False
         self._paused = False
@@ -70,7 +78,11 @@ class ReplayPacer:
             self._changed.notify_all()
 
     def run(self, samples: Iterable[ReplaySample]) -> bool:
-        """Send `samples` (by time). True if the last was sent, False if `stop` came first."""
+        """Send `samples` (by time). True if the last was sent, False if `stop` came first.
+
+        Raises:
+            StoodStillError: this process was suspended, or had no processor, for longer than `latest`.
+        """
         next_tick = 0
         for sample in samples:
             while self._tick is not None and next_tick <= sample.stamp_ns:
@@ -105,6 +117,11 @@ class ReplayPacer:
                 if self._since is None:
                     self._since = time.monotonic()
                 left = (position_ns - self._now_ns()) / (self._rate * 1e9)
+                if -left > self._latest:
+                    raise StoodStillError(
+                        f"the replay itself stood still for {-1e3 * left:.0f} ms, and a valve is closed after "
+                        f"{1e3 * self._latest:.0f} ms: it does not go on in the middle of a motion. Start it again"
+                    )
                 if left <= 0:
                     return True
                 self._changed.wait(left)

@@ -8,6 +8,7 @@ Parameters and conditions: README.md.
 # ruff: noqa: I001
 from boom_node import early  # noqa: F401  (first: signals and environment)
 
+import math
 import threading
 import time
 from typing import Any
@@ -33,7 +34,7 @@ from boom_recording import replay
 from boom_recording.channels import CURRENT_COMMAND, DEFAULT_JOINT, JOINT_STATES, REFERENCE, SOLENOID_CURRENTS
 from boom_recording.errors import RecordingError
 from boom_recording.loading import load
-from boom_recording.pacing import ReplayPacer
+from boom_recording.pacing import ReplayPacer, StoodStillError
 
 PARAMETERS = (
     ParameterSpec("bag", "", "rosbag2 directory or .mcap file", read_only=True),
@@ -144,6 +145,7 @@ class ReplayNode(Node):
             self._send_paced,
             self._publish_clock if values.clock else None,
             stamps.seconds_to_ns(values.start_time),
+            LONGEST_SILENCE_S if self._commands else math.inf,
         )
         if values.paused:
             self._pacer.pause()
@@ -284,8 +286,12 @@ class ReplayNode(Node):
     # ---- sending ----
 
     def _play(self) -> None:
-        if self._pacer.run(replay.endless(self._samples, self._values.loop)):
-            self._finish()
+        try:
+            if self._pacer.run(replay.endless(self._samples, self._values.loop)):
+                self._finish()
+        except StoodStillError as error:
+            self.stop_safely("")
+            shell.finish(2, str(error))
 
     def _on_clock(self, message: ClockMessage) -> None:
         if self._state != "lockstep" or self._lockstep is None:
