@@ -182,7 +182,7 @@ def held(given: str | Path, said: str | Path = "") -> Iterator[Path]:
     made = not path.exists()
     try:
         path.mkdir(parents=True, exist_ok=True)
-        lock = one_writer(path)
+        lock = one_writer(path, said)
         lock.__enter__()
     except OSError as error:
         raise UsageError(

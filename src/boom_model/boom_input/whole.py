@@ -63,8 +63,10 @@ def write_new(path: str | Path, content: str) -> None:
 
 
 @contextmanager
-def one_writer(folder: str | Path) -> Iterator[None]:
+def one_writer(folder: str | Path, said: str | Path = "") -> Iterator[None]:
     """Lock an existing folder. The kernel holds the lock, so it disappears however the process ends.
+
+    said: what the message calls it, if not that.
 
     Raises:
         InUseError: another process holds it.
@@ -76,7 +78,7 @@ def one_writer(folder: str | Path) -> Iterator[None]:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InUseError(
-                f"{folder} is in use by another ./boom: wait until it has ended, or give another --output"
+                f"{said or folder} is in use by another ./boom: wait until it has ended, or give another --output"
             ) from None
         yield
     finally:

@@ -110,6 +110,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(
             f"--bags {args.bags}: there is no {missing[0]}: run in the folder of the repository, or give the folder of its bags"
         )
+    _check_poses(args, [group[0] for group in TRAJECTORIES.values()])
     seeds = range(args.seed, args.seed + args.repeat)
     parts: dict[str, list[StudyRun]] = {
         "configurations": [
@@ -150,6 +151,24 @@ def run(args: argparse.Namespace) -> int:
         write(report, lambda: write_report(report, numbers, results, command=command, limited=args.supply == "limited"))
         console.print(f"report: {report}", markup=False, soft_wrap=True)
     return 0
+
+
+def _check_poses(args: argparse.Namespace, bags: list[str]) -> None:
+    """Raises UsageError where the machine cannot take a pose of the recordings that it is to follow."""
+    from boom_model.errors import MachineError
+    from boom_model.machine_file import load_machine
+    from boom_recording.loading import load
+
+    machine = load_machine(args.machine)
+    for bag in bags:
+        c = load(Path(args.bags) / bag).configuration
+        try:
+            machine.pose(c.outer_boom_angle, c.telescope_length, c.load_mass)
+        except MachineError as error:
+            raise UsageError(
+                f"the trajectories are recordings, and machine {machine.name} cannot take the pose of {bag}: {error}. Give --bags "
+                "with recordings of this machine under these names, or look at one motion: ./boom simulate BAG --reference"
+            ) from None
 
 
 def _job(args: argparse.Namespace, mode: str, bag: str, case: PlantCase, seed: int, keep: bool = False) -> StudyRun:

@@ -50,11 +50,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--angle", type=arguments.finite, default=0.3, metavar="RAD", help="initial boom angle [rad] (default: 0.3)"
     )
     parser.add_argument(
-        "--outer-boom-angle", type=arguments.finite, default=0.28, metavar="RAD", help="q3 [rad] (default: 0.28)"
-    )
+        "--q3", "--outer-boom-angle", type=arguments.finite, metavar="RAD",
+        help="q3 [rad] (default: 0.28, or the first pose of the file)",
+    )  # fmt: skip
     parser.add_argument(
-        "--telescope-length", type=arguments.finite, default=2.2, metavar="M", help="q4 [m] (default: 2.2)"
-    )
+        "--q4", "--telescope-length", type=arguments.finite, metavar="M",
+        help="q4 [m] (default: 2.2, or the first pose of the file)",
+    )  # fmt: skip
     parser.add_argument(
         "--load", type=arguments.finite, default=0.0, metavar="KG", help="load at the tip [kg] (default: 0)"
     )
@@ -84,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
     """Run until Ctrl-C; returns the exit status."""
     import yaml
 
+    from boom_bringup import replica
     from boom_bringup.supervisor import Program, Supervisor
     from boom_description.shipped import robot_description
     from boom_model.machine_file import load_machine
@@ -91,15 +94,15 @@ def run(args: argparse.Namespace) -> int:
     if args.can and args.lockstep:
         raise UsageError("--can runs in real time: leave --lockstep out")
     machine = load_machine(args.machine)
-    urdf = robot_description(machine.name)
+    urdf, pose = robot_description(machine.name), replica.pose_of(machine)
     effects = parse_effects(args.effect)
     priority = _allowed_priority(args.lockstep) if args.realtime_priority is None else args.realtime_priority
     crane = {
         "machine": args.machine,
         "effects": yaml.safe_dump(effects, default_flow_style=True).strip() if effects else "",
         "initial_angle": args.angle,
-        "outer_boom_angle": args.outer_boom_angle,
-        "telescope_length": args.telescope_length,
+        "outer_boom_angle": pose.outer_boom_angle if args.q3 is None else args.q3,
+        "telescope_length": pose.telescope_length if args.q4 is None else args.q4,
         "load_mass": args.load,
         "seed": args.seed,
         "sensors": args.sensors,
