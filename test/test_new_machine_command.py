@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -17,6 +18,7 @@ import pytest
 import yaml
 
 from boom_bringup import cli
+from boom_bringup.commands._manoeuvre import best_manoeuvre
 from boom_model.errors import MachineError
 from boom_model.machine_file import check_machine, load_machine
 from boom_model.owner import draft
@@ -419,3 +421,27 @@ def test_a_compensator_keeps_the_drop_at_which_the_flows_of_the_data_sheet_hold(
     assert cli.main(["new-machine", *words, "--output", str(path)]) == 0
     margin = load_machine(path).numbers.main_valve_orifices.dp_c
     assert margin == pytest.approx(9.0e5)
+
+
+def test_a_load_holding_valve_of_a_data_sheet_does_not_swing_and_one_with_nothing_to_lean_on_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    crane = {
+        **ANSWERS, "linkage": "pins", "foot_x": 0.45, "foot_y": -1.17, "eye_x": 0.72, "eye_y": -0.21, "closed_length": 1.05,
+        "stroke": 0.85, "piston_diameter": 125, "rod_diameter": 80, "inner_mass": 420, "inner_length": 2.6, "outer_mass": 350,
+        "outer_length": 2.4, "outer_angle": -40, "tool_mass": 180, "pump_pressure": 250, "compensator": "yes", "flow_drop": 7,
+        "opening_current": 0.35, "full_current": 0.75, "lift_flow": 45, "lower_flow": 34, "cylinder_valve": "load_holding",
+        "set_pressure": 280, "pilot_ratio": 4, "neutral": "vented", "hose_bore": 16, "hose_length": 3.2,
+    }  # fmt: skip
+    for key in ("foot_distance", "eye_distance", "lowest_angle"):
+        del crane[key]
+    file = tmp_path / "crane.yaml"
+    assert cli.main(["new-machine", *words(crane), "--output", str(file)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "record next" in said and "SWINGS" not in said
+    machine = load_machine(file)
+    wide = 2.0 * machine.numbers.main_valve_orifices.A_ta_max
+    file.write_text(
+        re.sub(r"(A_ta_max: \{value: )[^,]+", rf"\g<1>{wide}", file.read_text(encoding="utf-8")), encoding="utf-8"
+    )
+    assert "SWINGS, up to 0." in best_manoeuvre(load_machine(file), [], None).sentence

@@ -23,6 +23,10 @@ _VALVE = (0.25, 0.55)
 """A. The profiles are for a valve that opens at the first current and is open at the second."""
 _REACHES = (0.9, 0.6, 0.4, 0.25, 0.15)
 """Share of full stroke to which the largest current goes: the first with which the boom stays within its range."""
+_BEGUN = 1.0
+"""s after which a boom that starts or turns has done so."""
+_SWINGS = 0.25
+"""Of its largest speed along the command: what noise and the oil's spring make is less."""
 _START = 0.4
 """Where in its range the boom starts."""
 
@@ -37,6 +41,7 @@ class Manoeuvre:
         currents: (n, 2) retract, extend [A].
         angles: smallest and largest boom angle in the simulation [rad].
         told: information with it and with what was recorded before.
+        swings: largest speed against the commanded direction [rad/s]; 0 where it is none to speak of.
     """
 
     name: str
@@ -44,6 +49,7 @@ class Manoeuvre:
     currents: Array
     angles: tuple[float, float]
     told: NumberInformation
+    swings: float = 0.0
 
     @property
     def sentence(self) -> str:
@@ -51,9 +57,13 @@ class Manoeuvre:
         active = self.currents[self.currents > 0.0]
         sizes = " to ".join(dict.fromkeys(f"{size:.2f}" for size in (active.min(), active.max())))
         low, high = np.degrees(self.angles)
+        swings = (
+            f". In the simulation it SWINGS, up to {self.swings:.2f} rad/s against the lever, as a crane does whose edge to the "
+            "tank is too wide for its load-holding valve. If yours does not, A_ta_max is smaller than the file says"
+        )
         return (
-            f"{len(self.currents) * self.period:.0f} s of {self.name}, at {sizes} A; in the "
-            f"simulation the boom stays within {low:.0f} .. {high:.0f} deg. Try it with half the currents above the dead zone first"
+            f"{len(self.currents) * self.period:.0f} s of {self.name}, at {sizes} A; in the simulation the boom stays within "
+            f"{low:.0f} .. {high:.0f} deg{swings if self.swings else ''}. Try it with half the currents above the dead zone first"
         )
 
     def csv(self) -> str:
@@ -95,10 +105,26 @@ def best_manoeuvre(machine: Machine, recordings: Sequence[Recording], now: Numbe
             known = information([silenced(recording, missing)], machine)
             angle = recording.signals["angle"].values
             told = known if now is None else now.with_further(known)
-            tried.append(Manoeuvre(name, PERIOD, currents, (float(angle.min()), float(angle.max())), told))
+            ends = float(angle.min()), float(angle.max())
+            tried.append(Manoeuvre(name, PERIOD, currents, ends, told, _swings(currents, recording)))
     if not tried:
         raise UsageError("the crane of these answers cannot be simulated: compare the table above with the data sheet")
     return min(tried, key=lambda manoeuvre: manoeuvre.told.open)
+
+
+def _swings(currents: Array, recording: Recording) -> float:
+    """Largest speed [rad/s] against the commanded direction once that has been commanded for ``_BEGUN``; 0 below ``_SWINGS``."""
+    from boom_diagnosis.experiment import PERIOD
+
+    direction = np.sign(currents[:, 1] - currents[:, 0])
+    begun = round(_BEGUN / PERIOD)
+    same = np.array([k >= begun and len(set(direction[k - begun : k + 1])) == 1 for k in range(len(direction))])
+    rate = recording.signals["rate"]
+    along = np.interp(np.arange(len(direction)) * PERIOD, rate.time, rate.values) * direction
+    if not (same & (direction != 0.0)).any():
+        return 0.0
+    against = -float(along[same & (direction != 0.0)].min())
+    return against if against > _SWINGS * float(along.max()) else 0.0
 
 
 def _within_range(machine: Machine, profile: Array, driving: set[str]) -> tuple[Array, Recording] | None:

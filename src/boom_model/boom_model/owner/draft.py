@@ -36,6 +36,10 @@ BODY = {"masses": 0.2, "urdf": 0.06, "numbers": 0.1}
 """Tolerance of the moments by where they come from."""
 
 
+RETURN = 0.5
+"""Area of the edge from the head side to the tank over that from the supply to the rod side: 0.44 to 0.64 in the thesis. Where they
+are equal, a load-holding valve has nothing to lean on and swings.
+"""
 _SENSORS = {"Ts": "s", "q2_quant": "rad", "p_quant": "Pa", "p_noise_psd": "Pa^2/Hz"}
 
 
@@ -129,7 +133,7 @@ def _cylinder(n: Mapping[str, float], *, holds: bool) -> list[Entry]:
             dead if holds else dead + 1e-5,
             "m^3",
             "assumed",
-            {"factor": 3.0},
+            {"factor": 5.0},
             "1 % of the piston's displacement",
         ),
         Entry("V_0b", dead + hose, "m^3", "derived", {"factor": 2.0}, "its hose included"),
@@ -253,19 +257,18 @@ def _area(flow: float, drop: float) -> float:
 def _edges(n: Mapping[str, float], *, compensator: bool, vented: bool, piloted: bool) -> list[Entry]:
     opens = "pressure" if piloted else "current"
     overlap, drop = n[f"opening_{opens}"] / n[f"full_{opens}"], n["flow_drop"]
+    lift, lower = (f"{n[key]:g} l/min at {drop:g} bar" for key in ("lift_flow", "lower_flow"))
     areas = {
-        "sa": (n["lift_flow"], 1.6),
-        "tb": (n["lift_flow"], 2.0),
-        "sb": (n["lower_flow"], 1.6),
-        "ta": (n["lower_flow"], 2.0),
+        "sa": (n["lift_flow"], 1.6, lift),
+        "tb": (n["lift_flow"], 2.0, lift),
+        "sb": (n["lower_flow"], 1.6, lower),
+        "ta": (RETURN * n["lower_flow"], 2.5, f"half of {lower}: it holds the load back"),
     }
     return [
         *(Entry(f"x0_{edge}", overlap, "-", "derived", {"abs": 0.05}, "unequal on most machines") for edge in areas),
         *(
-            Entry(
-                f"A_{edge}_max", _area(flow, drop), "m^2", "derived", {"factor": f}, f"{flow:g} l/min at {drop:g} bar"
-            )
-            for edge, (flow, f) in areas.items()
+            Entry(f"A_{edge}_max", _area(flow, drop), "m^2", "derived", {"factor": f}, why)
+            for edge, (flow, f, why) in areas.items()
         ),
         Entry("n", 1.2, "-", "assumed", {"abs": 0.4}, "areas grow with this power of the opening"),
         Entry("x_n", 0.0, "-", "assumed", {"abs": 0.04}, "neutral off-centre"),
