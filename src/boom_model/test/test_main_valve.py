@@ -55,6 +55,24 @@ def test_valve_opens_continuously(p: Any, effects: Any) -> None:
         assert all(abs(q) < 1e-9 for q in valve(p, effects(), side * (X0 + 1e-6))[:2])
 
 
+def test_a_load_check_valve_holds_back_its_share_of_what_would_flow_back_and_nothing_else(
+    other_make: Any, effects: Any
+) -> None:
+    q = namespace(other_make.values(other_make.pose(4.5, 0.0)))
+    above = q.fluid.p_s + 20e5
+
+    def flows(e: Any, hose: float) -> tuple[float, float]:
+        found = main_valve_orifices.flows(-8e-3, hose, 20e5, q, e, UNCOMPENSATED)
+        return float(found.head), float(found.rod)
+
+    back, tank = flows(effects(), above)
+    assert back < 0.0
+    for share in (0.0, 0.4, 1.0):
+        e = effects(load_check_valve={"c": share})
+        assert flows(e, above) == pytest.approx(((1.0 - share) * back, tank), abs=1e-15)
+        assert flows(e, 60e5) == flows(effects(), 60e5)
+
+
 def test_flow_follows_supply_and_load_without_compensator(other_make: Any, effects: Any) -> None:
     q = namespace(other_make.values(other_make.pose(4.5, 0.0)))
     flows = main_valve_orifices.flows(-8e-3, 60e5, 20e5, q, effects(), UNCOMPENSATED)
