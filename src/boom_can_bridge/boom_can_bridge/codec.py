@@ -89,17 +89,18 @@ class Codec:
             self._by_id.setdefault((spec.arbitration_id, spec.is_extended), []).append(spec)
 
     @classmethod
-    def load(cls, dbc: str | Path = "tz17", mapping: str | Path | None = None) -> "Codec":
+    def load(cls, dbc: str | Path = "tz17", mapping: str | Path | None = None, *, of_log: bool = False) -> "Codec":
         """Codec of a machine that comes with the package (by name) or of a DBC file (by path).
 
         Args:
             dbc: name or path
             mapping: name or path; without one, the `.yaml` beside the DBC file
+            of_log: to read a log with, where sensors may be missing, and commands
 
         Raises:
             CanConfigurationError: a file is missing or broken, or the mapping names something that the DBC file lacks
         """
-        return cls(mapping_file.read(dbc, mapping))
+        return cls(mapping_file.read(dbc, mapping, of_log=of_log))
 
     def knows(self, arbitration_id: int, extended: bool) -> bool:
         """Whether the mapping names this id: a cheap first check, because most frames of a bus are for others."""

@@ -254,30 +254,34 @@ class _MappingReader:
             payload = layout.insert(payload, value)
         return payload
 
-    def frames(self) -> dict[str, FrameSpec]:
+    def frames(self, of_log: bool = False) -> dict[str, FrameSpec]:
         for key in self.document:
             if key not in ("dbc", "period", "frames"):
                 raise self.fail(f"unknown key {key}: {closest(str(key), ('dbc', 'period', 'frames'))}")
         frames = {str(name): self.frame(str(name), entry) for name, entry in self.document["frames"].items()}
         self.where = str(self.path)
-        self.check_sensors([frame for frame in frames.values() if frame.direction == "from_ecu"])
-        self.check_command([frame for frame in frames.values() if frame.direction == "to_ecu"])
+        incoming, outgoing = (
+            [frame for frame in frames.values() if frame.direction == d] for d in ("from_ecu", "to_ecu")
+        )
+        self.check_sensors(incoming, SENSOR_FIELDS if not of_log else ())
+        if outgoing or not of_log:
+            self.check_command(outgoing)
         self.check_identifiers(frames.values())
         return frames
 
-    def check_sensors(self, incoming: Sequence[FrameSpec]) -> None:
-        """Every field of a sensor comes once, and with what makes one message with it."""
+    def check_sensors(self, incoming: Sequence[FrameSpec], needed: Sequence[str]) -> None:
+        """No field of a sensor comes twice, those needed do once, and each with what makes one message with it."""
         home: dict[str, str] = {}
         for frame in incoming:
             for field in frame.fields:
                 if field in home:
                     raise self.fail(f"field {field} is in two frames, {home[field]} and {frame.name}")
                 home[field] = frame.name
-        for field in SENSOR_FIELDS:
+        for field in needed:
             if field not in home:
                 raise self.fail(f"no frame from the ECU has the field {field}")
         for first, second in TOGETHER:
-            if home[first] != home[second]:
+            if {first, second} <= home.keys() and home[first] != home[second]:
                 raise self.fail(f"{first} and {second} make one message and must come in one frame")
 
     def check_command(self, outgoing: Sequence[FrameSpec]) -> None:
@@ -309,12 +313,12 @@ class _MappingReader:
             same.append(frame)
 
 
-def read(dbc: str | Path, mapping: str | Path | None) -> dict[str, FrameSpec]:
-    """Frames of a machine, by name.
+def read(dbc: str | Path, mapping: str | Path | None, *, of_log: bool = False) -> dict[str, FrameSpec]:
+    """Frames of a machine, by name; ``of_log``: to read what others sent, so that sensors may be missing, and commands.
 
     Raises:
         CanConfigurationError: a file is missing or the two do not fit together
     """
     dbc_path, mapping_path = find_files(dbc, mapping)
     document = read_mapping(mapping_path)
-    return _MappingReader(read_dbc(dbc_path), document, dbc_path, mapping_path).frames()
+    return _MappingReader(read_dbc(dbc_path), document, dbc_path, mapping_path).frames(of_log)

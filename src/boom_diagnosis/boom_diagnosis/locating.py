@@ -134,8 +134,8 @@ def locate(
     if first.key == second.key or set(first.subsystems) & set(second.subsystems):
         return rows, f"Both ways of locating agree on: {first.title}.", inputs
     return rows, (
-        f"The two ways of locating disagree: an unknown input helps most in '{first.title}', but forced along the measured "
-        f"signals the chain breaks at '{second.title}'."
+        f"Seen from one sample to the next an unknown input helps most in '{first.title}', over the whole run the chain of "
+        f"measured signals breaks at '{second.title}': what is missing shows in both, and what was found is weighed by all equations."
     ), inputs  # fmt: skip
 
 

@@ -12,10 +12,11 @@ from boom_model.components import cylinder, equation_of_motion
 from boom_model.equations import namespace
 from boom_model.machine import Machine
 from boom_model.prior import summary
+from boom_model.specification import number
 
 BAR, LPM, LITRE, MILLIMETRE, DEGREE = 1e5, 1 / 60_000.0, 1e-3, 1e-3, math.pi / 180.0
-LOAD_PRESSURE = 240e5
-"""Pa gauge in the head side, none in the rod side, for the load that can be held."""
+USUAL_PRESSURE = 240e5
+"""Pa gauge in the head side, none in the rod side, for the load that can be held, where the file has no supply pressure."""
 RETURN_PRESSURE = 10e5
 """Pa gauge in the rod side, assumed where a flow depends on it (valves without compensator)."""
 FASTEST = 0.8
@@ -47,7 +48,7 @@ def quantities(machine: Machine) -> list[Quantity]:
     begin, end = machine.piston_position(low), machine.piston_position(high)
     angles = _angles(machine)
     levers = [_lever(machine, angle) for angle in angles]
-    level = angles.index(min(angles, key=abs))
+    level, most = angles.index(min(angles, key=abs)), _most(machine)
 
     def volumes(at: Any) -> str:
         return f"{at(begin, p) / LITRE:.2f} .. {at(end, p) / LITRE:.2f} l"
@@ -62,8 +63,8 @@ def quantities(machine: Machine) -> list[Quantity]:
         Quantity("volume of the head side, in .. out", volumes(cylinder.head_volume), "cylinder"),
         Quantity("volume of the rod side, in .. out", volumes(cylinder.rod_volume), "cylinder"),
         Quantity(
-            f"force at {LOAD_PRESSURE / BAR:.0f} bar, push and pull",
-            f"{LOAD_PRESSURE * a / 1e3:.0f} kN, {LOAD_PRESSURE * b / 1e3:.0f} kN", "cylinder.A_a, A_b",
+            f"force at {most / BAR:.0f} bar, push and pull",
+            f"{most * a / 1e3:.0f} kN, {most * b / 1e3:.0f} kN", "cylinder.A_a, A_b",
         ),
     ]  # fmt: skip
     rows += [Quantity(*row, part.key[0]) for part in machine.structure for row in part.data(p)]
@@ -94,13 +95,19 @@ def quantities(machine: Machine) -> list[Quantity]:
             Quantity(f"{pose.tabulated}: reach", f"{math.hypot(*pose.tip):.2f} m", f"{where}.tip"),
             Quantity(f"{pose.tabulated}: held level by", f"{pressure / BAR:.0f} bar", where, much),
             Quantity(
-                f"{pose.tabulated}: {LOAD_PRESSURE / BAR:.0f} bar hold level",
-                _load(posed, angles[level : level + 1], levers[level : level + 1]),
+                f"{pose.tabulated}: {most / BAR:.0f} bar hold level",
+                _load(posed, most, angles[level : level + 1], levers[level : level + 1]),
                 where,
             ),
-            Quantity(f"{pose.tabulated}: and in every angle", _load(posed, angles, levers), where),
+            Quantity(f"{pose.tabulated}: and in every angle", _load(posed, most, angles, levers), where),
         ]
     return rows + [Quantity(*row) for row in summary(machine.parameters.values())]
+
+
+def _most(machine: Machine) -> float:
+    """Supply pressure of the file [Pa gauge], which the equations of some structures do not need."""
+    given = number(machine.document.get("fluid", {}).get("p_s"))
+    return given if math.isfinite(given) else USUAL_PRESSURE
 
 
 def _angles(machine: Machine) -> list[float]:
@@ -118,14 +125,14 @@ def _torque(p: Any, angle: float, load: float) -> float:
     return float(equation_of_motion.gravity_torque(angle, load, p, Terms({})))
 
 
-def _load(p: Any, angles: list[float], levers: list[float]) -> str:
-    """The load [kg] that the head side holds at ``LOAD_PRESSURE`` in all of these angles, without friction."""
+def _load(p: Any, pressure: float, angles: list[float], levers: list[float]) -> str:
+    """The load [kg] that the head side holds at a pressure [Pa gauge] in all of these angles, without friction."""
     held = math.inf
     for angle, lever in zip(angles, levers, strict=True):
         own = _torque(p, angle, 0.0)
         per_kilogram = _torque(p, angle, 1.0) - own
         if per_kilogram > 0.0:  # else the load's weight lifts
-            held = min(held, (LOAD_PRESSURE * p.cylinder.A_a * lever - own) / per_kilogram)
+            held = min(held, (pressure * p.cylinder.A_a * lever - own) / per_kilogram)
     if math.isinf(held):
         return "any"
     return f"{held:.0f} kg" if held > 0.0 else "none: more pressure is needed without load"

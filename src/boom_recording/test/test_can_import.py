@@ -7,13 +7,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
+import yaml
 
 from boom_can_bridge.codec import Codec
+from boom_can_bridge.errors import CanConfigurationError
 from boom_recording import can_import, can_log, writing
 from boom_recording.can_import import Imported
 from boom_recording.errors import RecordingError
@@ -93,6 +96,19 @@ def test_bag_holds_what_was_on_the_bus_at_the_time_of_the_frames(codec: Codec, t
         spec = next(f for f in codec.frames[frame].fields.values() if signal.startswith(f.name))
         assert np.abs(column.values - wanted).max() <= spec.tolerance * (1 + 1e-9)
         assert np.abs(column.time - 0.01 * k - 0.0002 * list(codec.frames).index(frame)).max() < 1e-8
+
+
+def test_a_passive_logger_needs_neither_a_command_nor_every_sensor(codec: Codec, tmp_path: Path) -> None:
+    shipped = Path(str(files("boom_can_bridge") / "dbc"))
+    mapping = yaml.safe_load((shipped / "tz17.yaml").read_text(encoding="utf-8"))
+    del mapping["frames"]["command"], mapping["frames"]["pressures"]["fields"]["rod_pressure"]
+    path = tmp_path / "logger.yaml"
+    path.write_text(yaml.safe_dump(mapping), encoding="utf-8")
+    with pytest.raises(CanConfigurationError):
+        Codec.load(shipped / "tz17.dbc", path)
+    logger = Codec.load(shipped / "tz17.dbc", path, of_log=True)
+    made = imported(logged(tmp_path / "log.blf", traffic(codec)), logger).recording
+    assert set(made.signals) == {"angle", "rate", "hose_pressure", "retract_current", "extend_current"}
 
 
 def test_command_that_is_not_enabled_is_zero_in_the_bag(codec: Codec, tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
     from boom_report.console import console_for
 
     output = Path(args.output)
-    codec = Codec.load(args.dbc, args.mapping)
+    codec = Codec.load(args.dbc, args.mapping, of_log=True)
     note = f"imported from the CAN log {Path(args.log).name}"
     configuration = Configuration(args.machine, args.q3, args.q4, args.load, note)
     begin = time.perf_counter()
@@ -115,6 +115,12 @@ def _show(imported: Imported, count: int, spent: float, output: Path) -> None:
         console.print(f"note: {warning}", soft_wrap=True)
     console.print(
         f"{count} frames in {spent:.2f} s ({count / max(spent, 1e-9):.0f} frames/s); the bag is {output}",
+        soft_wrap=True,
+    )
+    c = recording.configuration
+    console.print(
+        f"stored with it: machine {c.machine}, q3 = {c.outer_boom_angle:g} rad, q4 = {c.telescope_length:g} m, load "
+        f"{c.load_mass:g} kg; where that is another: --machine, --q3, --q4, --load",
         soft_wrap=True,
     )
     console.print(f"compare it with the model: ./boom validate {output}", soft_wrap=True)

@@ -143,7 +143,8 @@ class SupervisedSensor:
             return self._last_bad
         if age > timeout:
             text = f"no {self.label} yet" if age == math.inf else f"the {self.label} is {1e3 * age:.0f} ms old"
-            return StopCause("sensor_old", f"{text}, more than {1e3 * timeout:.0f} ms: is the sensor or the bus gone?")
+            doubt = "is the sensor or the bus gone, or this computer too busy?"
+            return StopCause("sensor_old", f"{text}, more than {1e3 * timeout:.0f} ms: {doubt}")
         return None
 
     def _wrong(self, values: tuple[float, ...]) -> StopCause | None:
