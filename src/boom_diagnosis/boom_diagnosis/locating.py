@@ -135,7 +135,8 @@ def locate(
         return rows, f"Both ways of locating agree on: {first.title}.", inputs
     return rows, (
         f"Seen from one sample to the next an unknown input helps most in '{first.title}', over the whole run the chain of "
-        f"measured signals breaks at '{second.title}': what is missing shows in both, and what was found is weighed by all equations."
+        f"measured signals breaks at '{second.title}': what is missing shows in both, and what was found is weighed by all "
+        "equations."
     ), inputs  # fmt: skip
 
 

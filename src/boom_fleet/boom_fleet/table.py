@@ -17,11 +17,17 @@ from boom_fleet.screen import REGIMES
 from boom_fleet.store import Store
 from boom_input.channels import PREDICTED
 from boom_input.shown import printable
+from boom_recording.writing import START_NS
 
 FOLDER = "recordings"
 EQUAL_TIME = (
     "another recording of the machine has the same time, so its clock tells nothing: they are compared in the order of their "
     "names, as if a month had passed"
+)
+DAY_NS = 86_400 * 10**9
+NO_DATE = (
+    "the file that it was imported from had no date, so that it begins on the fixed day of such bags: its place among the "
+    "machine's recordings is that day's, and may be wrong"
 )
 _PLAIN = re.compile(r"[A-Za-z0-9][\w.-]{0,99}", re.ASCII)
 Row = dict[str, Any]
@@ -44,6 +50,8 @@ def rows(run: FleetRun) -> list[Row]:
         row |= {name: value for name, value in columns.items() if name not in ("time_ns", "pose")}
         if row["time"] and sum(abs(t - columns["time_ns"] / 1e9) < SAME_TIME for t in begun[bag.machine]) > 1:
             row["warnings"] = [*row.get("warnings", []), EQUAL_TIME]
+        elif row["time"] and 0 <= columns["time_ns"] - START_NS < DAY_NS:
+            row["warnings"] = [*row.get("warnings", []), NO_DATE]
         judgement = run.judgements.get(bag.machine)
         if judgement is not None and key in judgement.keys:
             row |= _compared(key, judgement, run.quantities[bag.machine])

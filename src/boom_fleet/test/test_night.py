@@ -10,6 +10,7 @@ from boom_fleet import table
 from boom_fleet.run import FleetRun, Night
 from boom_fleet.store import FoundBag, Store
 from boom_fleet.tasks import NO_REFERENCE, MachineReference, Screened, Task, diagnose_one, screen_one, take_reference
+from boom_recording.writing import START_NS
 
 ANSWERS = {
     take_reference: (MachineReference(("a",), np.zeros(1), "one"), ""),
@@ -91,6 +92,15 @@ def test_recordings_of_equal_time_are_in_the_order_of_their_names_and_the_table_
     rows = table.rows(result)
     assert [row["recording"] for row in rows] == names
     assert all(row["warnings"] == [table.EQUAL_TIME] for row in rows)
+
+
+def test_a_recording_whose_file_had_no_date_says_that_its_place_is_a_guess(tmp_path):
+    """A log with times of day begins within the fixed day of bags that no clock was running for."""
+    times = {"of_1970": 3 * 10**9, "of_a_morning": START_NS + 28_000 * 10**9, "of_next_year": START_NS + 3 * 10**16}
+    tasks = {name: Task(FoundBag(f"bags/{name}", "one", name, name, "")) for name in times}
+    columns = {name: {"time_ns": time} for name, time in times.items()}
+    warned = {row["recording"]: row.get("warnings", []) for row in table.rows(FleetRun(tasks, columns, {}, {}))}
+    assert warned == {"of_1970": [], "of_a_morning": [table.NO_DATE], "of_next_year": []}
 
 
 @pytest.mark.parametrize("machine", ["_north", ".north", "a/b", "n" * 255, "Kran ä 7", "50%", "*", "\udcff"])
