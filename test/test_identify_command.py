@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from boom_bringup import cli
+from boom_bringup.commands.identify import _further_off
 from boom_model.machine_file import load_machine
 from boom_model.plant import Plant
 from boom_recording.oscilloscope import write_trace
@@ -111,3 +112,12 @@ def test_without_a_gyro_the_angle_tells_whether_and_how_fast_the_boom_moves() ->
     assert len(guessed) > 0.8 * len(seen)
     nearest = np.interp(guessed.time, seen.time, seen.rate)
     assert np.median(np.abs(guessed.rate - nearest)) < 0.01
+
+
+def test_a_fit_that_makes_data_not_used_worse_is_told_by_how_much() -> None:
+    rows = [
+        {"bag": "a", "before": {"angle": 0.01, "rate": 0.03}, "after": {"angle": 0.02, "rate": 0.24}},
+        {"bag": "b", "before": {"angle": 0.01, "rate": None}, "after": {"angle": 0.04, "rate": None}},
+    ]
+    assert _further_off(rows) == pytest.approx(4.0)
+    assert _further_off([{"bag": "a", "before": {"angle": None}, "after": {"angle": 0.1}}]) == 1.0

@@ -17,9 +17,10 @@ states the source of each number; every command accepts it as --machine. The rep
 from __future__ import annotations
 
 import argparse
+import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from boom_bringup import arguments
 from boom_bringup.cli import UsageError
@@ -28,7 +29,7 @@ from boom_bringup.replica import machine_of
 from boom_bringup.showing import progress
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from rich.console import Console
 
@@ -176,6 +177,7 @@ def _show(result: Identification, console: Console) -> None:
 def _show_held_out(result: Identification, console: Console) -> None:
     from rich.table import Table
 
+    from boom_diagnosis.assumptions import AT_FLOOR
     from boom_input.channels import PREDICTED
     from boom_report.channels import short
 
@@ -198,6 +200,23 @@ def _show_held_out(result: Identification, console: Console) -> None:
         cells = ["\N{EN DASH}" if error is None else f"{100 * error:.2f}" for error in errors]
         table.add_row(row["bag"], *cells)
     console.print(table)
+    factor = _further_off(check)
+    if factor > AT_FLOOR:
+        console.print(
+            f"note: with these numbers free runs over data not used err {factor:.1f} times as much as before. The recordings do "
+            "not tell them, as where the boom swings by itself or physics is missing: keep the file as it was, and see "
+            "./boom diagnose",
+            markup=False, soft_wrap=True,
+        )  # fmt: skip
+
+
+def _further_off(check: Sequence[Mapping[str, Any]]) -> float:
+    """Factor by which held-out free runs err more after the fit than before, the geometric mean of all channels."""
+    ratios = [
+        row["after"][name] / before
+        for row in check for name, before in row["before"].items() if before and row["after"].get(name)
+    ]  # fmt: skip
+    return math.exp(math.fsum(map(math.log, ratios)) / len(ratios)) if ratios else 1.0
 
 
 def _words(args: argparse.Namespace) -> list[str]:
