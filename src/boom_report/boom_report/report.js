@@ -25,6 +25,11 @@
     // A finger scrolls the page; a mouse zooms into the chart.
     spec.layout.dragmode = touch ? false : "zoom";
     const narrow = figure.clientWidth < 560;
+    if (!narrow && spec.layout.legend) {
+      // Room for the tool bar above the legend.
+      spec.layout.margin.t += 28;
+      spec.layout.height += 28;
+    }
     if (narrow) {
       spec.layout.font.size = 11;
       spec.layout.margin.l = 40;
