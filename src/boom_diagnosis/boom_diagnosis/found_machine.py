@@ -143,6 +143,7 @@ def write_machine(path: Path, machine: Machine, *, command: str) -> None:
     head = (
         f"# Diagnosed on {date.today().isoformat()} by: {command}\n"
         "# Found: what says 'identified', moments of mass of the recordings' pose, effects, loads of single recordings.\n"
+        "# Effects that the report does not name are tolerances as fitted, of sensors, edges, air in the oil.\n"
         "# All else is as it was.\n"
     )
     write_whole(path, head + text)
