@@ -261,6 +261,14 @@ def test_spool_leaks_into_each_port_by_its_own_line_of_the_pressure(effects: Any
     assert float(effects().through("port_leakage", 0.0, port="hose", pressure=4e6)) == 0.0
 
 
+def test_a_relief_valve_takes_oil_out_of_its_own_port_above_its_pressure_only(effects: Any) -> None:
+    e = effects(port_relief_valve={"hose": 2e-10, "hose_set": 1.4e7, "rod": 1e-10, "rod_set": 6e6})
+    for port, pressure, expected in (
+        ("hose", 1.4e7, 0.0), ("hose", 1.5e7, -2e-10 * (1e6 - 2.5e4)), ("rod", 5e6, 0.0), ("rod", 7e6, -1e-10 * (1e6 - 2.5e4)),
+    ):  # fmt: skip
+        assert float(e.through("port_leakage", 0.0, port=port, pressure=pressure)) == pytest.approx(expected, abs=1e-15)
+
+
 def test_a_boom_whose_spool_leaks_to_the_tank_sinks_by_what_leaks(tz17: Any) -> None:
     plant = Plant(tz17.with_effects({"spool_leakage": {"hose": -5e-6}}), tz17.pose(0.28, 2.2, 0.0))
     time = np.arange(0.0, 20.0, 0.01)
