@@ -149,6 +149,18 @@ def test_a_spool_that_leaks_is_unknown_physics_at_the_main_valve_with_how_much_l
     assert [row.unknown for row in rows] == [("hose_flow",)]
 
 
+def test_a_relief_valve_at_a_port_is_unknown_physics_with_its_pressure_and_slope() -> None:
+    """Nine hands had one: unknown physics of the main valve, or of the supply, with a learnt term at best."""
+    weak = {"hose": 1e-10, "hose_set": 1.1e7}
+    result = diagnose([noisy(tz17().with_effects({"port_relief_valve": weak}), 24.0, 1)], tz17())
+    found = result.document.findings[0]
+    assert (result.document.verdict, found.subsystem) == ("unknown_physics", "main_valve")
+    assert found.document()["like"] == "port_relief_valve"
+    for name, true in weak.items():
+        low, high = found.parameters[name].interval_90
+        assert low <= true <= high < 1.5 * true
+
+
 def test_a_telescope_that_creeps_is_unknown_physics_of_the_structure_with_the_moment_that_goes() -> None:
     """In nobody's list: two hands' had been a load of -8 kg, and a friction that drifts."""
     creeping = tz17().with_effects({"telescope_creep": {"d": -300.0, "T": 15.0}})
