@@ -41,7 +41,7 @@ def _options(parser: argparse.ArgumentParser) -> list[tuple[str, ...]]:
         value = " ".join(value) if isinstance(value, tuple) else value
         if action.choices is not None and action.metavar is None:
             value = "{" + ",".join(map(str, action.choices)) + "}"
-        name = " ".join([*action.option_strings[-1:], str(value)]).strip()
+        name = " ".join([", ".join(action.option_strings), str(value)]).strip()
         rows.append((f"`{name}`", (action.help or "").replace("%(default)s", str(action.default))))
     return rows
 

@@ -121,3 +121,5 @@ def test_a_fit_that_makes_data_not_used_worse_is_told_by_how_much() -> None:
     ]
     assert _further_off(rows) == pytest.approx(4.0)
     assert _further_off([{"bag": "a", "before": {"angle": None}, "after": {"angle": 0.1}}]) == 1.0
+    for lost in (None, np.nan, np.inf):
+        assert _further_off([*rows, {"bag": "c", "before": {"angle": 0.1}, "after": {"angle": lost}}]) == np.inf

@@ -20,6 +20,7 @@ Direction = Literal["from_ecu", "to_ecu"]
 SENSOR_FIELDS = tuple(channel.name for channel in REQUIRED)
 OPTIONAL_FIELDS = tuple(sensor.name for sensor in SENSORS if sensor.is_pressure and not sensor.required)
 STATUS_FIELDS = ("mode", "faults", "uptime_s")
+LOGGED_FIELDS = ("angle",)
 COMMAND_FIELDS = ("retract_current", "extend_current", "enable")
 TOGETHER = (("angle", "rate"), ("retract_current", "extend_current"))
 
@@ -263,9 +264,13 @@ class _MappingReader:
         incoming, outgoing = (
             [frame for frame in frames.values() if frame.direction == d] for d in ("from_ecu", "to_ecu")
         )
-        self.check_sensors(incoming, SENSOR_FIELDS if not of_log else ())
+        self.check_sensors(incoming, LOGGED_FIELDS if of_log else SENSOR_FIELDS)
         if outgoing or not of_log:
-            self.check_command(outgoing)
+            self.check_command(outgoing, COMMAND_FIELDS[:2] if of_log else COMMAND_FIELDS)
+        elif not {field for frame in incoming for field in frame.fields} >= set(COMMAND_FIELDS[:2]):
+            raise self.fail(
+                "a log needs the currents: retract_current and extend_current of one frame, from or to the ECU"
+            )
         self.check_identifiers(frames.values())
         return frames
 
@@ -284,11 +289,11 @@ class _MappingReader:
             if {first, second} <= home.keys() and home[first] != home[second]:
                 raise self.fail(f"{first} and {second} make one message and must come in one frame")
 
-    def check_command(self, outgoing: Sequence[FrameSpec]) -> None:
+    def check_command(self, outgoing: Sequence[FrameSpec], needed: Sequence[str]) -> None:
         """One frame commands, and it can close the valve."""
         if len(outgoing) != 1:
             raise self.fail(f"exactly one frame goes to the ECU, there are {len(outgoing)}")
-        for field in COMMAND_FIELDS:
+        for field in needed:
             spec = outgoing[0].fields.get(field)
             if spec is None:
                 raise self.fail(f"frame {outgoing[0].name} to the ECU needs the field {field}")

@@ -24,8 +24,6 @@ CLEAR = 12.0
 """Standard deviations of what angle and integrated rate differ by from sample to sample: no noise reaches that."""
 FINEST = 1e-5
 """rad. Of an encoder of 19 bits: a simulated angle without noise is no finer."""
-BETWEEN = 0.02
-"""Share of its steps that may lie between two of an encoder's."""
 FASTER = 2.0
 """Times the largest rate about it at which the angle would have to turn: what a gyro's filter smooths is less."""
 STAYS, SHARE = 0.3, 0.7
@@ -81,13 +79,15 @@ def jump_checks(recording: Recording) -> list[RecordingCheck]:
 
 
 def _resolution(values: Array) -> float:
-    """Small step [rad] from sample to sample: of an encoder. One that slips leaves the grid that ``measurement`` looks for.
+    """Smallest step [rad] between values that stay for two samples: of an encoder; 0 where none does.
 
-    Not the smallest: where an import puts the angle on the stamps of the rate there are values between two of its steps.
+    One that slips leaves the grid that ``measurement`` looks for, and where an import puts the angle on the stamps of the rate
+    there are values between two steps, which do not stay.
     """
-    steps = np.abs(np.diff(values))
+    levels = values[1:][np.abs(np.diff(values)) <= FINEST]
+    steps = np.abs(np.diff(levels))
     steps = steps[steps > FINEST]
-    return float(np.quantile(steps, BETWEEN)) if len(steps) else 0.0
+    return float(steps.min()) if len(steps) else 0.0
 
 
 def _stays(time: Array, left: Array, k: int, step: float) -> bool:

@@ -322,13 +322,17 @@ def test_an_angle_that_a_bus_repeats_has_no_jump(times: int) -> None:
     assert jump_checks(changed(made, angle=values[np.arange(len(values)) // times * times])) == []
 
 
-def test_a_step_of_an_encoder_whose_angle_was_put_on_other_stamps_is_no_jump() -> None:
+@pytest.mark.parametrize(
+    ("late", "jitter"), [(0.0, 2e-3), (0.0, 5e-4), (3e-4, 0.0), (5e-4, 0.0), (9.7e-3, 0.0), (4e-3, 1e-3)]
+)
+def test_a_step_of_an_encoder_whose_angle_was_put_on_other_stamps_is_no_jump(late: float, jitter: float) -> None:
     """Among them are values that lie between two steps, and near one of them."""
     made = fast()
     angle = made.signals["angle"]
     bit = 2.0 * np.pi / 2**14
     counted = np.round((angle.values + 0.02 * np.sin(0.05 * angle.time)) / bit) * bit
-    later = np.interp(angle.time + 2e-3 * np.random.default_rng(1).random(len(counted)), angle.time, counted)
+    stamps = angle.time + late + jitter * np.random.default_rng(1).random(len(counted))
+    later = np.interp(stamps, angle.time, counted)
     still = np.where(np.abs(made.signals["rate"].values) < 0.02, 0.0, made.signals["rate"].values)
     assert jump_checks(changed(made, angle=later, rate=still)) == []
 

@@ -132,11 +132,10 @@ def _share_of_clear_rest(case: Case, best: Weighed) -> float:
 def needed(case: Case, best: Weighed) -> float:
     """Nats that an effect must gain, held out, too; of one that explains most of a clear rest the effects before ask nothing."""
     held_out = TOO_SMALL * sum(int(bag.counted.sum()) for bag in case.proving)
-    if _share_of_clear_rest(case, best) > MOST_OF_REST:
-        return chance(case) + held_out
-    asked = _beside_others(case, case.rounds[-1].problem) + held_out
+    clearly = _share_of_clear_rest(case, best) > MOST_OF_REST
+    asked = held_out + (chance(case) if clearly else _beside_others(case, case.rounds[-1].problem))
     sure = ENOUGH * temperature(case, best.fitted.point) / COLDEST  # as what it leaves unexplained lets anything be
-    return max(asked, sure) if case.taken else asked
+    return max(asked, sure) if case.taken and not clearly else asked
 
 
 def _bearable(case: Case, best: Weighed) -> float:

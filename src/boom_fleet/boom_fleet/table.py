@@ -26,7 +26,7 @@ EQUAL_TIME = (
 )
 DAY_NS = 86_400 * 10**9
 NO_DATE = (
-    "the file that it was imported from had no date, so that it begins on the fixed day of such bags: its place among the "
+    "it begins on the fixed day of bags without a clock, as of a simulation or of a file without a date: its place among the "
     "machine's recordings is that day's, and may be wrong"
 )
 _PLAIN = re.compile(r"[A-Za-z0-9][\w.-]{0,99}", re.ASCII)

@@ -151,9 +151,9 @@ def _on_common_stamps(series: dict[str, _Series]) -> list[str]:
 def _interpolated(stamps: Stamps, own: Stamps, values: Floats) -> Floats:
     order = np.argsort(own, kind="stable")
     time, zero = (stamps - own[0]) / 1e9, (own[order] - own[0]) / 1e9
-    result = np.interp(time, zero, values[order])
-    result[(time < zero[0] - _APART) | (time > zero[-1] + _APART)] = np.nan
-    right = np.clip(np.searchsorted(zero, time), 1, len(zero) - 1)
     period = float(np.median(np.diff(zero)))
+    result = np.interp(time, zero, values[order])
+    result[(time < zero[0] - period) | (time > zero[-1] + period)] = np.nan  # within one: as a value that is held
+    right = np.clip(np.searchsorted(zero, time), 1, len(zero) - 1)
     result[zero[right] - zero[right - 1] > max(_APART, 3.0 * period)] = np.nan
     return np.asarray(result)

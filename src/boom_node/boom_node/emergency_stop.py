@@ -3,7 +3,8 @@
 A message does not say who sent it. Where several nodes publish, a ``false`` may be another one's than the ``true`` that stands, and
 does not count: that it does nothing is told, and once one publisher is left, its next ``false`` counts.
 
-A stop counts whatever QoS it is published with. One that latches is heard twice, which changes nothing.
+A stop counts whatever QoS it is published with. One that latches is heard by each subscription, in its own time: what is heard
+beside the latched one may be older, so that no ``false`` of it counts while a publisher latches.
 """
 
 from __future__ import annotations
@@ -11,12 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
 from std_msgs.msg import Bool
 
 from boom_input.shown import quoted
 from boom_node import qos
 
 TOPIC = "/boom/emergency_stop"
+RELIABLE = QoSReliabilityPolicy.RELIABLE
 
 
 class EmergencyStop:
@@ -33,8 +37,18 @@ class EmergencyStop:
     def __init__(self, node: Any, changed: Callable[[bool], None]) -> None:
         self.standing = False
         self._node, self._changed = node, changed
-        for profile in (qos.requested(TOPIC), qos.FROM_ANYBODY):
-            node.create_subscription(Bool, TOPIC, self._take, profile)
+        quietly = SubscriptionEventCallbacks(
+            use_default_callbacks=False
+        )  # of those that do not latch another one hears
+        node.create_subscription(Bool, TOPIC, self._take, qos.requested(TOPIC), event_callbacks=quietly)
+        for profile in qos.UNLATCHED:
+            node.create_subscription(Bool, TOPIC, self._take_unlatched, profile, event_callbacks=quietly)
+
+    def _take_unlatched(self, message: Bool) -> None:
+        latching = QoSDurabilityPolicy.TRANSIENT_LOCAL
+        offered = (info.qos_profile for info in self._node.get_publishers_info_by_topic(TOPIC))
+        if message.data or not any(o.durability == latching and o.reliability == RELIABLE for o in offered):
+            self._take(message)
 
     def _take(self, message: Bool) -> None:
         wanted = bool(message.data)

@@ -28,8 +28,8 @@ JOINT_STATES = _profile(10, reliable=True)  # serves best-effort readers, too
 LATCHED = _profile(1, reliable=True, latched=True)  # late joiners get the last one
 EVERY_CHANGE = _profile(100, reliable=True, latched=True)
 """To subscribe to what is latched with, where a value that is replaced at once must not be lost: a press on a stop is one."""
-FROM_ANYBODY = _profile(100, reliable=False)
-"""Every publisher matches it: to hear, beside what is latched, those that do not latch."""
+UNLATCHED = (_profile(100, reliable=True), _profile(100, reliable=False))
+"""To hear, beside what is latched, those that do not latch: as surely as they offer it."""
 EVERY_SAMPLE = _profile(1000, reliable=True)
 """Sensor topics in lockstep: no sample may be lost, however slow a recorder is; subscribers with sensor data QoS still match."""
 EVERY_SENSOR_SAMPLE = _profile(1000, reliable=False)

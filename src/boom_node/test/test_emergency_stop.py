@@ -9,6 +9,7 @@ import pytest
 from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
 from std_msgs.msg import Bool
 
+from boom_node import qos
 from boom_node.emergency_stop import EmergencyStop
 
 
@@ -18,19 +19,25 @@ class Graph:
     def __init__(self) -> None:
         self.names = ["panel"]
         self.told: list[str] = []
-        self.profiles: list[Any] = []
+        self.heard: list[tuple[Any, Any]] = []
+        self.offered = qos.LATCHED
         self.guard = SimpleNamespace(refuse=lambda topic, reason, text: self.told.append(text))
 
-    def create_subscription(self, kind: Any, topic: str, callback: Any, profile: Any) -> None:
-        self.say = lambda wanted: callback(Bool(data=wanted))
-        self.profiles.append(profile)
+    def create_subscription(self, kind: Any, topic: str, callback: Any, profile: Any, **_: Any) -> None:
+        self.heard.append((profile, lambda wanted: callback(Bool(data=wanted))))
         assert profile.depth >= 100
+
+    def say(self, wanted: bool, durability: Any = QoSDurabilityPolicy.TRANSIENT_LOCAL) -> None:
+        """To all subscriptions of a durability."""
+        for profile, hear in self.heard:
+            if profile.durability == durability:
+                hear(wanted)
 
     def count_publishers(self, topic: str) -> int:
         return len(self.names)
 
     def get_publishers_info_by_topic(self, topic: str) -> list[Any]:
-        return [SimpleNamespace(node_name=name) for name in self.names]
+        return [SimpleNamespace(node_name=name, qos_profile=self.offered) for name in self.names]
 
 
 @pytest.mark.parametrize(
@@ -62,10 +69,26 @@ def test_once_one_publisher_is_left_its_next_false_counts() -> None:
 
 def test_a_stop_is_heard_from_publishers_of_any_qos_and_from_those_that_latch_by_who_comes_later() -> None:
     graph = Graph()
-    EmergencyStop(graph, lambda _: None)
-    of_any = [
-        p for p in graph.profiles
-        if p.reliability == QoSReliabilityPolicy.BEST_EFFORT and p.durability == QoSDurabilityPolicy.VOLATILE
-    ]  # fmt: skip
-    latched = [p for p in graph.profiles if p.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL]
-    assert len(of_any) == len(latched) == 1
+    stop = EmergencyStop(graph, lambda _: None)
+    asked = {(profile.durability, profile.reliability) for profile, _ in graph.heard}
+    volatile, reliable = QoSDurabilityPolicy.VOLATILE, QoSReliabilityPolicy.RELIABLE
+    assert asked == {
+        (QoSDurabilityPolicy.TRANSIENT_LOCAL, reliable), (volatile, reliable),
+        (volatile, QoSReliabilityPolicy.BEST_EFFORT),
+    }  # fmt: skip
+    graph.offered = qos.SENSOR_DATA
+    for wanted in (True, False):
+        graph.say(wanted, volatile)
+        assert stop.standing == wanted
+
+
+def test_an_older_false_that_comes_late_beside_the_latched_one_clears_nothing() -> None:
+    graph = Graph()
+    stop = EmergencyStop(graph, lambda _: None)
+    graph.say(False)
+    graph.say(True)
+    graph.say(False, QoSDurabilityPolicy.VOLATILE)
+    assert stop.standing
+    graph.say(True, QoSDurabilityPolicy.VOLATILE)
+    graph.say(False)
+    assert not stop.standing

@@ -9,7 +9,7 @@ from boom_recording.replay import PERIOD_NS, ReplaySample
 
 
 class StoodStillError(Exception):
-    """A sample was due so long ago that its readers have closed the valve: it may not open in the middle of the motion."""
+    """Nothing was sent for so long that its readers have closed the valve: it may not open in the middle of the motion."""
 
 
 class ReplayPacer:
@@ -19,7 +19,7 @@ class ReplayPacer:
     send       called with the sample and the replayed time [ns] it is due at
     tick       called every 10 ms of replayed time, and at each sample, with the replayed time [ns]; None = no clock
     start_ns   replayed time of stamp zero [ns]
-    latest     by how much a sample may be late at most [s]
+    silence    longest time between two samples, without pauses [s]
 
     `run` blocks and belongs into a thread of its own; the other methods may be called from any thread.
     """
@@ -30,13 +30,14 @@ class ReplayPacer:
         send: Callable[[ReplaySample, int], None],
         tick: Callable[[int], None] | None = None,
         start_ns: int = 0,
-        latest: float = math.inf,
+        silence: float = math.inf,
     ) -> None:
         self._rate = rate
         self._send = send
         self._tick = tick
         self._start_ns = start_ns
-        self._latest = latest
+        self._silence = silence
+        self._sent_at = math.inf  # monotonic time [s] of the last sample; infinite: none since the beginning or a pause
         self._changed = threading.Condition()
         self._stopped = False
         self._paused = False
@@ -62,6 +63,7 @@ class ReplayPacer:
                 self._position_ns = self._now_ns()
                 self._since = None
                 self._paused = True
+                self._sent_at = math.inf
                 self._changed.notify_all()
 
     def resume(self) -> None:
@@ -81,7 +83,7 @@ class ReplayPacer:
         """Send `samples` (by time). True if the last was sent, False if `stop` came first.
 
         Raises:
-            StoodStillError: this process was suspended, or had no processor, for longer than `latest`.
+            StoodStillError: this process was suspended, or had no processor, for longer than `silence`.
         """
         next_tick = 0
         for sample in samples:
@@ -93,6 +95,7 @@ class ReplayPacer:
             if not self._wait_until(sample.stamp_ns):
                 return False
             self._advance(sample.stamp_ns)
+            self._sent_at = time.monotonic()
             self._send(sample, self._clock_ns)
         return True
 
@@ -117,10 +120,10 @@ class ReplayPacer:
                 if self._since is None:
                     self._since = time.monotonic()
                 left = (position_ns - self._now_ns()) / (self._rate * 1e9)
-                if -left > self._latest:
+                if (silent := time.monotonic() - self._sent_at) > self._silence:
                     raise StoodStillError(
-                        f"the replay itself stood still for {-1e3 * left:.0f} ms, and a valve is closed after "
-                        f"{1e3 * self._latest:.0f} ms: it does not go on in the middle of a motion. Start it again"
+                        f"the replay itself stood still for {1e3 * silent:.0f} ms, and a valve is closed after "
+                        f"{1e3 * self._silence:.0f} ms: it does not go on in the middle of a motion. Start it again"
                     )
                 if left <= 0:
                     return True

@@ -1,6 +1,7 @@
 """What is replayed and when, without ROS."""
 
 import threading
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from recording_samples import recording
 
 from boom_recording import replay
 from boom_recording.errors import RecordingError
-from boom_recording.pacing import ReplayPacer
+from boom_recording.pacing import ReplayPacer, StoodStillError
 from boom_recording.replay import ReplayLockstep, ReplaySample
 
 MS = 1_000_000
@@ -189,6 +190,27 @@ def test_a_paused_pacer_sends_nothing_until_it_goes_on_and_stops_when_told() -> 
     pacer.stop()
     thread.join(10)
     assert ended == [False] and len(sent) == 1
+
+
+def test_a_pacer_that_is_slow_goes_on_and_one_that_stood_still_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What counts is the silence that a valve hears; samples that are late all along are none."""
+    now = [0.0]
+    monkeypatch.setattr("boom_recording.pacing.time.monotonic", lambda: now[0])
+    chosen = [ReplaySample(k * 10 * MS, (0.0, 0.0)) for k in range(100)]
+
+    def took(seconds: Callable[[int], float]) -> list[int]:
+        sent: list[int] = []
+
+        def send(sample: ReplaySample, _: int) -> None:
+            sent.append(sample.stamp_ns)
+            now[0] += seconds(len(sent))
+
+        ReplayPacer(1000.0, send, silence=0.1).run(chosen)
+        return sent
+
+    assert len(took(lambda _: 0.05)) == 100  # seconds behind in the end
+    with pytest.raises(StoodStillError, match="stood still for 150 ms"):
+        took(lambda k: 0.15 if k == 40 else 0.001)
 
 
 def test_the_stamps_of_a_replay_are_whole_nanoseconds_of_the_recording() -> None:

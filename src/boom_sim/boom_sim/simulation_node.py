@@ -118,7 +118,9 @@ class SimulationNode(Node):
             if late:
                 self._refuse(late)
                 return
-        closed = all(abs(current) <= CLOSED_A for current in (message.retract, message.extend))  # false of NaN
+        closed = all(
+            0.0 <= current <= CLOSED_A for current in (message.retract, message.extend)
+        )  # what is refused is not
         if closed and not self._stop.standing:
             self._held = False
         if self._conflict() or self._held:

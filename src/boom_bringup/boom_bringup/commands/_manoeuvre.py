@@ -24,9 +24,13 @@ _VALVE = (0.25, 0.55)
 _REACHES = (0.9, 0.6, 0.4, 0.25, 0.15)
 """Share of full stroke to which the largest current goes: the first with which the boom stays within its range."""
 _BEGUN = 1.0
-"""s after which a boom that starts or turns has done so."""
+"""s after which a boom that starts or turns has done so: the valve takes 0.1 s, the oil's spring two swings of 2 Hz."""
 _SWINGS = 0.25
-"""Of its largest speed along the command: what noise and the oil's spring make is less."""
+"""Of its largest speed along the command: the oil's spring overshoots by less once the boom moves, and the gyro's noise is 1 %."""
+_LEANS = (
+    ", as a crane does whose edge to the tank is too wide for its load-holding valve. If yours does not, A_ta_max is smaller "
+    "than the file says"
+)
 _START = 0.4
 """Where in its range the boom starts."""
 
@@ -41,7 +45,7 @@ class Manoeuvre:
         currents: (n, 2) retract, extend [A].
         angles: smallest and largest boom angle in the simulation [rad].
         told: information with it and with what was recorded before.
-        swings: largest speed against the commanded direction [rad/s]; 0 where it is none to speak of.
+        swings: largest speed against the commanded direction [rad/s]; 0 where it is none to speak of. why: it may, in words.
     """
 
     name: str
@@ -50,6 +54,7 @@ class Manoeuvre:
     angles: tuple[float, float]
     told: NumberInformation
     swings: float = 0.0
+    why: str = ""
 
     @property
     def sentence(self) -> str:
@@ -57,10 +62,7 @@ class Manoeuvre:
         active = self.currents[self.currents > 0.0]
         sizes = " to ".join(dict.fromkeys(f"{size:.2f}" for size in (active.min(), active.max())))
         low, high = np.degrees(self.angles)
-        swings = (
-            f". In the simulation it SWINGS, up to {self.swings:.2f} rad/s against the lever, as a crane does whose edge to the "
-            "tank is too wide for its load-holding valve. If yours does not, A_ta_max is smaller than the file says"
-        )
+        swings = f". In the simulation it SWINGS, up to {self.swings:.2f} rad/s against the lever{self.why}"
         return (
             f"{len(self.currents) * self.period:.0f} s of {self.name}, at {sizes} A; in the simulation the boom stays within "
             f"{low:.0f} .. {high:.0f} deg{swings if self.swings else ''}. Try it with half the currents above the dead zone first"
@@ -106,7 +108,9 @@ def best_manoeuvre(machine: Machine, recordings: Sequence[Recording], now: Numbe
             angle = recording.signals["angle"].values
             told = known if now is None else now.with_further(known)
             ends = float(angle.min()), float(angle.max())
-            tried.append(Manoeuvre(name, PERIOD, currents, ends, told, _swings(currents, recording)))
+            tried.append(
+                Manoeuvre(name, PERIOD, currents, ends, told, _swings(currents, recording), _LEANS * machine.holds)
+            )
     if not tried:
         raise UsageError("the crane of these answers cannot be simulated: compare the table above with the data sheet")
     return min(tried, key=lambda manoeuvre: manoeuvre.told.open)
@@ -129,11 +133,10 @@ def _swings(currents: Array, recording: Recording) -> float:
 
 def _within_range(machine: Machine, profile: Array, driving: set[str]) -> tuple[Array, Recording] | None:
     """Currents of a profile for this machine, and the simulated recording; None where no size stays within the range."""
+    from boom_model.derived import valve_currents
     from boom_model.errors import SimulationError
 
-    numbers = machine.numbers
-    full = numbers.main_valve_spool.s_max / numbers.main_valve_spool.K_i
-    opening = full * numbers.main_valve_orifices.x0_sa
+    opening, full = valve_currents(machine)
     share = (profile - _VALVE[0]) / (_VALVE[1] - _VALVE[0])
     for reach in _REACHES:
         largest = opening + reach * (full - opening)

@@ -202,21 +202,26 @@ def _show_held_out(result: Identification, console: Console) -> None:
     console.print(table)
     factor = _further_off(check)
     if factor > AT_FLOOR:
+        worse = f"err {factor:.1f} times as much as before" if math.isfinite(factor) else "do not end any more"
         console.print(
-            f"note: with these numbers free runs over data not used err {factor:.1f} times as much as before. The recordings do "
-            "not tell them, as where the boom swings by itself or physics is missing: keep the file as it was, and see "
-            "./boom diagnose",
+            f"note: with these numbers free runs over data not used {worse}. The recordings do not tell them, as where the boom "
+            "swings by itself or physics is missing: keep the file as it was, and see ./boom diagnose",
             markup=False, soft_wrap=True,
         )  # fmt: skip
 
 
 def _further_off(check: Sequence[Mapping[str, Any]]) -> float:
-    """Factor by which held-out free runs err more after the fit than before, the geometric mean of all channels."""
-    ratios = [
-        row["after"][name] / before
-        for row in check for name, before in row["before"].items() if before and row["after"].get(name)
-    ]  # fmt: skip
-    return math.exp(math.fsum(map(math.log, ratios)) / len(ratios)) if ratios else 1.0
+    """Factor by which held-out free runs err more after the fit than before, the geometric mean of all channels.
+
+    Infinite where one that ran to its end before does not any more.
+    """
+    pairs = [
+        (b, row["after"].get(name)) for row in check for name, b in row["before"].items() if b and math.isfinite(b)
+    ]
+    if any(after is None or not math.isfinite(after) for _, after in pairs):
+        return math.inf
+    ratios = [math.log(after / before) for before, after in pairs if after]
+    return math.exp(math.fsum(ratios) / len(ratios)) if ratios else 1.0
 
 
 def _words(args: argparse.Namespace) -> list[str]:

@@ -120,7 +120,7 @@ def _show(imported: Imported, count: int, spent: float, output: Path) -> None:
     c = recording.configuration
     console.print(
         f"stored with it: machine {c.machine}, q3 = {c.outer_boom_angle:g} rad, q4 = {c.telescope_length:g} m, load "
-        f"{c.load_mass:g} kg; where that is another: --machine, --q3, --q4, --load",
+        f"{c.load_mass:g} kg; if that is wrong, give --machine, --q3, --q4, --load",
         soft_wrap=True,
     )
     console.print(f"compare it with the model: ./boom validate {output}", soft_wrap=True)

@@ -21,10 +21,10 @@ def _supply(flow: Expression, own: Any, _at: Any) -> Expression:
 EFFECT = Effect(
     "load_check_valve", "main_valve", "5.39l,m", "supply flow q - c min(0, q)",
     ("a load check valve", "lets nothing flow back while the supply is below the port"),
-    "at the begin of a motion, a load that does not sag while the supply is below it",
+    "at the beginning of a motion, a load that does not sag while the supply is below it",
     (
-        parameter("c", "-", 0.0, (0.3, 1.0), (0.0, 1.5), "share of what would flow back that it holds; a tight one: 1",
-                  possible=(0.0, 1.2), surely=True, starts=(1.0,)),
+        parameter("c", "-", 0.0, (0.3, 1.0), (0.0, 1.2), "share of what would flow back that it holds; a tight one: 1",
+                  starts=(1.0,)),
     ),
     {"supply_flow": _supply},
     place=10, needs="constant_supply", foreign=True,
