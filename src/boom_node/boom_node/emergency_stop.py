@@ -12,15 +12,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
 from std_msgs.msg import Bool
 
 from boom_input.shown import quoted
 from boom_node import qos
 
 TOPIC = "/boom/emergency_stop"
-RELIABLE = QoSReliabilityPolicy.RELIABLE
 
 
 class EmergencyStop:
@@ -37,17 +34,12 @@ class EmergencyStop:
     def __init__(self, node: Any, changed: Callable[[bool], None]) -> None:
         self.standing = False
         self._node, self._changed = node, changed
-        quietly = SubscriptionEventCallbacks(
-            use_default_callbacks=False
-        )  # of those that do not latch another one hears
-        node.create_subscription(Bool, TOPIC, self._take, qos.requested(TOPIC), event_callbacks=quietly)
-        for profile in qos.UNLATCHED:
-            node.create_subscription(Bool, TOPIC, self._take_unlatched, profile, event_callbacks=quietly)
+        for profile, take in ((qos.requested(TOPIC), self._take), *((p, self._take_unlatched) for p in qos.UNLATCHED)):
+            node.create_subscription(Bool, TOPIC, take, profile, event_callbacks=qos.QUIETLY)
 
     def _take_unlatched(self, message: Bool) -> None:
-        latching = QoSDurabilityPolicy.TRANSIENT_LOCAL
-        offered = (info.qos_profile for info in self._node.get_publishers_info_by_topic(TOPIC))
-        if message.data or not any(o.durability == latching and o.reliability == RELIABLE for o in offered):
+        publishers = self._node.get_publishers_info_by_topic(TOPIC)
+        if message.data or not any(qos.latches(info.qos_profile) for info in publishers):
             self._take(message)
 
     def _take(self, message: Bool) -> None:

@@ -1,6 +1,7 @@
 """The QoS of every topic of the contract, in one table."""
 
 from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
 from boom_input.channels import MEASURED_TOPICS
@@ -30,6 +31,8 @@ EVERY_CHANGE = _profile(100, reliable=True, latched=True)
 """To subscribe to what is latched with, where a value that is replaced at once must not be lost: a press on a stop is one."""
 UNLATCHED = (_profile(100, reliable=True), _profile(100, reliable=False))
 """To hear, beside what is latched, those that do not latch: as surely as they offer it."""
+QUIETLY = SubscriptionEventCallbacks(use_default_callbacks=False)
+"""For subscriptions beside which others hear what their QoS does not match: else rclpy logs that it is not heard."""
 EVERY_SAMPLE = _profile(1000, reliable=True)
 """Sensor topics in lockstep: no sample may be lost, however slow a recorder is; subscribers with sensor data QoS still match."""
 EVERY_SENSOR_SAMPLE = _profile(1000, reliable=False)
@@ -54,6 +57,14 @@ BY_TOPIC: dict[str, QoSProfile] = {
     "/clock": CLOCK,
 }
 """As publishers offer it."""
+
+
+def latches(offered: QoSProfile) -> bool:
+    """Whether late joiners get the last message of a publisher with this QoS."""
+    return bool(
+        offered.durability == QoSDurabilityPolicy.TRANSIENT_LOCAL
+        and offered.reliability == QoSReliabilityPolicy.RELIABLE
+    )
 
 
 def requested(topic: str) -> QoSProfile:
