@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from boom_diagnosis import regimes
 from boom_diagnosis.assumptions import AT_FLOOR, FAR_FROM_FLOOR, MOST_CERTAIN, MOVED, NAMED_FROM, NEAR_FLOOR
-from boom_diagnosis.bag_samples import PERIOD, Bag
+from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.document import (
     SUBSYSTEMS,
     Alternative,
@@ -73,7 +73,6 @@ from boom_diagnosis.search import Fitted
 from boom_diagnosis.unsearched import About
 from boom_diagnosis.weighing import NEGLIGIBLE, Z90, Weighed, estimates, of_effect, of_tolerances, unknown_probability
 from boom_diagnosis.wrong_number import in_words
-from boom_estimation.runs import EVAPORATES
 from boom_model.catalogue import CATALOGUE, EFFECTS
 from boom_model.components import equation_of_motion
 from boom_model.learned import LearnedTerm
@@ -284,11 +283,7 @@ def notes_of(bags: Sequence[Bag], proving: Sequence[Bag], weak: Mapping[str, str
     ]  # fmt: skip
     for bag in bags:
         notes += [f"{bag.name}: {_untold(name)}" for name in OUTPUTS if name in bag.lacking]
-        if bag.cavitating.any():
-            notes.append(
-                f"{bag.name}: {PERIOD * float(bag.cavitating.sum()):.1f} s are left out: the oil of the head side evaporates "
-                f"(hose pressure below {EVAPORATES / 1e5:g} bar), the model ends there, and free runs start again behind it"
-            )
+        notes += [f"{bag.name}: {said}" for said in bag.left_out()]
     return (*notes, *(f"{bag.name}: {said}" for bag in (*bags, *proving) for said in bag.recording.warnings))
 
 

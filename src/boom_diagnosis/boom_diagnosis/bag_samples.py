@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from boom_diagnosis.recent import Recent
 from boom_estimation.currents import HeldCurrents, driven, held_currents, held_inputs
 from boom_estimation.initial_state import resting_start, stationary_guess
-from boom_estimation.runs import evaporating
+from boom_estimation.runs import EVAPORATES, at_an_end, evaporating
 from boom_model.machine import Machine
 from boom_model.observer import KalmanGains, Linearised, Samples
 from boom_model.plant import Plant
@@ -80,6 +80,7 @@ class Bag:
     Attributes:
         counted: (n, NY), True where an innovation tells about the machine: measured, not in or just behind a gap, oil all liquid.
         cavitating: (n,), where the oil of the head side evaporates, and until the observer has found the state again.
+        ended: (n,), the same where the boom stands at an end of its range.
         start: first valid values of the channels, for the initial state.
         timing: standard deviation of when a current changed [s].
         places: component of the parameter vector that belongs to the pose or the load -> name under which hypotheses have its
@@ -93,6 +94,7 @@ class Bag:
     grid: Array
     counted: Flags
     cavitating: Flags
+    ended: Flags
     resting: bool
     start: dict[str, float]
     timing: float = TIMING_NOISE
@@ -227,6 +229,16 @@ class Bag:
         angle = self.samples().measured[:, OUTPUTS.index("angle")]
         return float(np.nanmin(angle)), float(np.nanmax(angle))
 
+    def left_out(self) -> list[str]:
+        """Sentences that say how long is left out, and why."""
+        why = (
+            (self.cavitating, f"the oil of the head side evaporates (hose pressure below {EVAPORATES / 1e5:g} bar), the model ends "
+             "there, and free runs start again behind it"),
+            (self.ended, "the boom stands at an end of its range with the lever held on, and the model has no stop; free runs "
+             "start again where it has left it"),
+        )  # fmt: skip
+        return [f"{PERIOD * float(flags.sum()):.1f} s are left out: {text}" for flags, text in why if flags.any()]
+
     def strokes(self, machine: Machine) -> Array:
         """(n,) piston position [m] at the measured angle, between its samples by lines."""
         angle = self.samples().measured[:, OUTPUTS.index("angle")]
@@ -330,10 +342,12 @@ def prepare(recording: Recording, machine: Machine | None = None, *, aligned: bo
     start = rest or {n: _first(s) for n, s in zip(OUTPUTS, signals, strict=True)}
     if rest is None:
         counted[time < SETTLING] = False
-    cavitating = _cavitating(recording, time)
-    counted[cavitating] = False
+    cavitating, ended = (
+        _within(part, time) for part in (evaporating(recording), at_an_end(recording, machine) if machine else [])
+    )
+    counted[cavitating | ended] = False
     timing = hypot(TIMING_NOISE, currents.late * sqrt((currents.late / PERIOD + 1.0) / 12.0))
-    bag = Bag(recording, currents, grid, counted, cavitating, rest is not None, start, timing)
+    bag = Bag(recording, currents, grid, counted, cavitating, ended, rest is not None, start, timing)
     counted &= np.isfinite(bag.samples().measured)
     return bag
 
@@ -343,10 +357,10 @@ def _first(signal: Signal) -> float:
     return float(np.mean(signal.values[signal.valid][:3])) if signal.valid.any() else float("nan")
 
 
-def _cavitating(recording: Recording, time: Array) -> Flags:
-    """(n,) Whether the head side's oil evaporates in an interval, or did up to ``SETTLING`` before."""
+def _within(stretches: list[tuple[float, float]], time: Array) -> Flags:
+    """(n,) Whether an interval lies in one of the stretches [s], or up to ``SETTLING`` behind."""
     result = np.zeros(len(time), dtype=bool)
-    for first, last in evaporating(recording):
+    for first, last in stretches:
         result[(time > first - PERIOD) & (time < last + SETTLING)] = True
     return result
 

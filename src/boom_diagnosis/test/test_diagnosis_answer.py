@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,6 +12,7 @@ from rounds_cases import SAMPLES, point, weighed
 
 from boom_diagnosis import answer, earning, run
 from boom_diagnosis import odds as weighing_of
+from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import Fit
@@ -25,20 +27,23 @@ def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
         lost = np.arange(1000) < cavitating
         recording = SimpleNamespace(warnings=warnings)
         currents = SimpleNamespace(strays=strays)
-        return SimpleNamespace(
-            name=name, cavitating=lost, recording=recording, lacking=frozenset(lacking), currents=currents
-        )
+        made = SimpleNamespace(
+            name=name, cavitating=lost, ended=lost[::-1], recording=recording, lacking=frozenset(lacking), currents=currents
+        )  # fmt: skip
+        made.left_out = partial(Bag.left_out, made)
+        return made
 
     case.bags, case.proving = (
         [bag("a", [], 150), bag("b", ["cut.mcap: the file is cut"], 0, ["rate"])],
         [bag("c", ["no index"], 0, strays=5e-3)],
     )
-    left_out, straying, evaporating, untold, *damaged = answer.notes_of(
+    left_out, straying, evaporating, ended, untold, *damaged = answer.notes_of(
         case.bags, case.proving, {"still": "the boom hardly moves"}
     )
     assert left_out == "still is left out: the boom hardly moves"
     assert straying.startswith("c: samples of the currents stray from their stamps, by 5.0 ms")
     assert evaporating.startswith("a: 1.5 s are left out") and "evaporates" in evaporating
+    assert ended.startswith("a: 1.5 s are left out: the boom stands at an end of its range")
     assert untold == "b: the rate was not measured: what only it shows cannot be told, rate scale among it"
     assert damaged == ["b: cut.mcap: the file is cut", "c: no index"]
 

@@ -174,7 +174,7 @@ def prepare(
     currents = held_inputs(recording, plant.machine)
     period = float(np.median(np.diff(currents.time))) if len(currents.time) > 1 else 0.01
     segments = []
-    for start, end in free_stretches(recording, currents, plant.holds):
+    for start, end in free_stretches(recording, currents, plant.machine, plant.holds):
         if end - start < SHORTEST:
             continue
         segment = _segment(recording, plant, currents, start, end, period, held_out)

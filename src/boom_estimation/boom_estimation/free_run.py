@@ -86,7 +86,7 @@ def predict(recording: Recording, machine: Machine, kind: Kind) -> FreeRun:
     values = {name: np.full(len(time), np.nan) for name, time in times.items()}
     runs: list[str] = []
     stopped = evaporated = ""
-    for start, end in free_stretches(recording, currents, plant.holds):
+    for start, end in free_stretches(recording, currents, plant.machine, plant.holds):
         begin = initial_state(recording, plant, currents, start, end)
         if begin is None:
             runs.append(f"{start:.2f} s to {end:.2f} s: not run, a channel has no valid sample to begin with")

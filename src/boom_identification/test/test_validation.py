@@ -116,7 +116,7 @@ def test_a_run_ends_where_the_oil_evaporates_and_starts_again_behind_it():
     assert first.startswith("0.00 s to 6.53 s: at rest") and second.startswith("7.60 s to 59.99 s: in motion")
     assert bag.mismatches == []
     assert (
-        len(free_stretches(bag.recording, held_currents(bag.recording), True)) == 1
+        len(free_stretches(bag.recording, held_currents(bag.recording), tz17(), True)) == 1
     )  # such a hose is not the head side
 
 
