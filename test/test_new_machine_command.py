@@ -243,6 +243,8 @@ def test_a_forestry_crane_has_linkage_pilot_stage_burst_valve_and_accumulators(a
     for key in ("a12", "a30"):
         name = f"hose_burst_valve.{key}"
         assert made.parameters[name].value == pytest.approx(known.parameters[name].value, rel=1e-3)
+    driven = best_manoeuvre(made, [], None).currents
+    assert 0.30 <= driven[driven > 0.0].min() < driven.max() <= 0.55
     assert made.numbers.accumulators.p_g0_2 == pytest.approx(55e5)
 
 

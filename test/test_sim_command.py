@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -29,6 +30,40 @@ from boom_sim.settings import NODE_PARAMETERS
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE = 90.0
+
+
+@pytest.mark.parametrize(
+    ("words", "pose"),
+    [
+        ([], (0.28, 2.2)),
+        (["--machine", "loader_crane"], (4.5, 0.0)),
+        (["--machine", "loader_crane", "--q3", "0.3", "--q4", "2"], (0.3, 2.0)),
+    ],
+)
+def test_a_crane_starts_in_a_pose_that_its_file_has(
+    monkeypatch: pytest.MonkeyPatch, words: list[str], pose: tuple[float, float]
+) -> None:
+    started: list[Any] = []
+
+    class Nothing:
+        def __init__(self, programs: Any, **_: Any) -> None:
+            started.extend(programs)
+
+        def run(self) -> Any:
+            return SimpleNamespace(interrupted=signal.SIGINT, failed=[], statuses={})
+
+    monkeypatch.setattr(supervisor, "Supervisor", Nothing)
+    assert cli.main(["sim", *words]) == 0
+    said = " ".join(started[0].command)
+    assert f"outer_boom_angle:={pose[0]}" in said and f"telescope_length:={pose[1]}" in said
+
+
+def test_robustness_says_what_it_needs_for_a_crane_without_the_poses_of_its_trajectories(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert cli.main(["robustness", "--machine", "loader_crane", "--bags", str(ROOT / "bags"), "--no-report"]) == 2
+    said = capsys.readouterr().err
+    assert "machine loader_crane cannot take the pose of healthy/" in said and "--bags" in said
 
 
 class Sim:

@@ -34,6 +34,20 @@ def test_an_effect_that_free_runs_disprove_gives_way_to_the_next(case: Any, free
     assert (case.taken, case.disproved, case.weighed[0]) == ([second], [first], [second])
 
 
+def test_what_is_gained_on_data_held_out_is_asked_for_there_per_innovation_too(
+    case: Any, free_runs: dict[float, float]
+) -> None:
+    """Two models of one machine differ by so much in each recording, and an effect takes it up in both."""
+    slight = weighed("flow_force", 40.0, 40.0, 100.0)
+    free_runs[slight.fitted.point.loss] = 0.9
+    case.weighed[0] = [slight]
+    assert earning.take(case)
+    case.taken, case.trained = [], case.trained[:1]
+    case.proving = [SimpleNamespace(counted=np.ones((SAMPLES // 4, 4), dtype=bool))]
+    case.weighed[0] = [slight]
+    assert not earning.take(case)
+
+
 @pytest.mark.parametrize(("other", "factor", "first"), [(900.0, 0.5, False), (900.0, 1.05, True), (500.0, 0.5, True)])
 def test_worse_free_runs_are_borne_with_only_where_no_other_effect_explains_most_without(
     case: Any, free_runs: dict[float, float], other: float, factor: float, first: bool

@@ -141,9 +141,13 @@ def test_a_healthy_recording_of_20_hz_has_no_physics_left_out(name: str, told: f
         n: replace(s, stamps_ns=s.stamps_ns[kept], time=s.time[kept], values=s.values[kept], valid=s.valid[kept])
         for n, s in made.signals.items()
     }
-    result = diagnose([replace(made, signals=made.signals | sparse)], machine)
+    looks = list[str]()
+    result = diagnose(
+        [replace(made, signals=made.signals | sparse)], machine, progress=lambda text, share: looks.append(text)
+    )
     assert result.document.verdict in ("no_mismatch", "parameters_only")
     assert ("commands every" in " ".join(result.notes)) == (told > 0.01)
+    assert looks.count("weighing effects") <= 1  # what is the log's is found before any effect is tried on it
 
 
 def test_a_sample_that_a_bus_repeats_counts_once() -> None:

@@ -16,7 +16,7 @@ LOW, HIGH = LOADER.angle_limits
 
 
 def recorded(angles: list[float], extend: float, retract: float = 0.0) -> Recording:
-    """Of 40 s: straight ways between angles [rad] at 0, 8, 12, 20, 28, 32 and 40 s; currents [A] extend until 20 s, then retract."""
+    """Of 40 s: straight ways between angles [rad] at 0, 8, 12, 20, 28, 32 and 40 s; currents [A]: extend to 20 s, then retract."""
     time = np.arange(4000) * 0.01
     rest = np.zeros_like(time)
     columns = {
