@@ -150,7 +150,7 @@ def test_a_spool_that_leaks_is_unknown_physics_at_the_main_valve_with_how_much_l
 
 
 def test_a_relief_valve_at_a_port_is_unknown_physics_with_its_pressure_and_slope() -> None:
-    """Nine hands had one: unknown physics of the main valve, or of the supply, with a learnt term at best."""
+    """Nine cranes of other hands had one: unknown physics of the main valve, or of the supply, with a learnt term at best."""
     weak = {"hose": 1e-10, "hose_set": 1.1e7}
     result = diagnose([noisy(tz17().with_effects({"port_relief_valve": weak}), 24.0, 1)], tz17())
     found = result.document.findings[0]
