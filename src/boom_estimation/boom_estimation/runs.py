@@ -43,27 +43,24 @@ def at_an_end(recording: Recording, machine: Machine) -> list[tuple[float, float
     """(first, last) [s] of each time that the boom stands at an end of its range while the valve drives it on."""
     signal = recording.signals["angle"]
     time, angle = signal.time[signal.valid], signal.values[signal.valid]
-    if len(time) < 2 or not {"retract_current", "extend_current"} <= recording.signals.keys():
+    span = float(time[-1] - time[0]) if len(time) else 0.0
+    if span <= STANDS or not {"retract_current", "extend_current"} <= recording.signals.keys():
         return []
     opens, full = valve_currents(machine)
-    window = max(2, round(STANDS / float(np.median(np.diff(time)))))
+    window = max(2, round(STANDS * len(time) / span))  # a median would be 0 where stamps come in pairs
     stands = maximum_filter1d(angle, window) - minimum_filter1d(angle, window) < STILL
     result = []
     for name, end in (("retract_current", machine.angle_limits[0]), ("extend_current", machine.angle_limits[1])):
         current = recording.signals[name]
         driven = np.interp(time, current.time, current.values) > opens + DRIVEN * (full - opens)
-        for k in np.split(at := np.flatnonzero(stands & driven & (np.abs(angle - end) < NEAR_END)), _begins(at)):
+        rows = np.flatnonzero(stands & driven & (np.abs(angle - end) < NEAR_END))
+        for k in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
             if len(k) > window:
                 apart = np.abs(angle - np.median(angle[k]))
                 before, after = np.flatnonzero(apart[: k[0]] > BEFORE), np.flatnonzero(apart[k[-1] :] > LEFT)
                 first = int(before[-1]) + 1 if len(before) else 0
                 result.append((float(time[first]), float(time[k[-1] + after[0]] if len(after) else time[-1])))
     return result
-
-
-def _begins(rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Where rows that follow one another begin anew."""
-    return np.flatnonzero(np.diff(rows) > 1) + 1
 
 
 def free_stretches(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,21 @@ def test_a_boom_that_is_driven_against_an_end_is_left_out_until_it_has_left_it()
     assert (later, end) == (pytest.approx(28.0 - 0.02 / (top - bottom) * 8.0, abs=0.05), pytest.approx(40.0, abs=0.02))
     runs = free_stretches(made, held_currents(made), LOADER, holds=True)
     assert runs == [(0.0, pytest.approx(first)), (pytest.approx(last), pytest.approx(later))]
+
+
+@pytest.mark.parametrize("kept", [0, 1, 2])
+def test_a_recording_of_hardly_a_sample_has_no_end_that_it_stands_at(kept: int) -> None:
+    made = recorded([1.44] * 7, 0.55)
+    angle = made.signals["angle"]
+    few = replace(angle, values=angle.values[:kept], time=angle.time[:kept], valid=angle.valid[:kept])
+    assert at_an_end(replace(made, signals={**made.signals, "angle": few}), LOADER) == []
+
+
+def test_stamps_that_come_in_pairs_end_in_no_traceback() -> None:
+    made = recorded([0.9, HIGH - 0.012, HIGH - 0.012, HIGH - 0.012, 0.5, 0.5, 0.5], 0.55)
+    angle = made.signals["angle"]
+    paired = replace(angle, time=np.repeat(angle.time[::3], 3)[: len(angle.time)])
+    assert len(at_an_end(replace(made, signals={**made.signals, "angle": paired}), LOADER)) == 1
 
 
 @pytest.mark.parametrize(
