@@ -17,6 +17,7 @@ from boom_diagnosis.bag_samples import visited
 from boom_diagnosis.coordinates import Coordinate, coordinates, has_valleys, starts
 from boom_diagnosis.fitting import WHITE, Point, Problem, weights
 from boom_diagnosis.onset import near_onset, neutral, onset_of, release_of, steps_in, time_in
+from boom_diagnosis.steps import bounded
 from boom_model.catalogue import CATALOGUE, EFFECTS, Effect
 
 Array = NDArray[np.float64]
@@ -95,21 +96,13 @@ class Scanner:
         normal = weighted.T @ scaled + np.diag(prior)
         score = weighted.T @ at.w
         score[:count] += at.z
-        low, high = problem.limits
-        self._free, moved = np.ones(len(prior), dtype=bool), np.zeros(len(prior))
-        for _ in range(count):
-            free = self._free
-            moved[free] = -np.linalg.solve(
-                normal[np.ix_(free, free)], score[free] + normal[np.ix_(free, ~free)] @ moved[~free]
-            )
-            z = at.z + moved[:count]
-            crossing = free[:count] & ((z < low) | (z > high))
-            if not crossing.any():
-                break
-            self._free[:count] &= ~crossing
-            moved[:count][crossing] = (np.clip(z, low, high) - at.z)[crossing]
-        self._moved = np.where(self._free, 0.0, moved)
+        unlimited = np.full(len(prior) - count, np.inf)
+        low, high = (
+            np.concatenate([ends - at.z, sign * unlimited]) for ends, sign in zip(problem.limits, (-1, 1), strict=True)
+        )
+        moved, self._free = bounded(normal, score, np.minimum(low, 0.0), np.maximum(high, 0.0))
         free = self._free
+        self._moved = np.where(free, 0.0, moved)
         self._weighted, self._factor = weighted[:, free], np.linalg.inv(normal[np.ix_(free, free)])
         self._w = at.w + scaled @ self._moved
         self._score = (score + normal @ self._moved)[free]

@@ -2,11 +2,10 @@
 
 from boom_model.catalogue.effect import Effect, parameter
 
-# A careless hand can do it at will, hence the margin.
 EFFECT = Effect(
     "angle_offset", "sensors", "ch. 4.2", "y = q_2 + b",
     ("the angle sensor", "is mounted askew"), "gravity mismatch over the angle",
     (parameter("b", "rad", 0.0, (-0.035, 0.035), (-0.5, 0.5), "IMU mounted askew"),),
     {"measured_angle": lambda angle, own, at: angle + own.b},
-    place=1, margin=3.0,
+    place=1,
 )  # fmt: skip
