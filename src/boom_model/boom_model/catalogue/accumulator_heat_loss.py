@@ -36,16 +36,16 @@ def _at_rest(states: Mapping[str, Expression], p: Any, e: Any) -> dict[str, Expr
     }
 
 
-# Gas that keeps its temperature, as in foam, does so within half a second: hence the wide margin.
+# Gas that keeps its temperature, as in foam, does so within 0.4 s; faster is the same, so that none has to be larger still.
 EFFECT = Effect(
     "accumulator_heat_loss", "accumulators", "5.39g,h", "p_g0 exp(e), e' = -(1 - T_a / T) / tau",
     ("the gas of the accumulators", "exchanges heat"), "slow relaxation of p_h after a fast charge",
     (
-        parameter("inverse_tau", "1/s", 0.0, (1 / 40, 1 / 5), (0.0, 1e3), "1 / time constant of the heat exchange",
+        parameter("inverse_tau", "1/s", 0.0, (1 / 40, 1 / 5), (0.0, 2.5), "1 / time constant of the heat exchange",
                   starts=(1 / 30, 1 / 7, 1.0), ordinary=0.01),  # any gas does so within minutes
     ),
     {"adiabat": _adiabat, "entropy_rate": lambda rate, own, at: rate + own.rates[f"accumulator_entropy_{at.number}"]},
-    place=2, needs="accumulators", margin=12.0, watched=False, at_rest=_at_rest,
+    place=2, needs="accumulators", margin=14.0, watched=False, at_rest=_at_rest,
     states=(
         State("accumulator_entropy_1", "e_1", "-", 0.1, equation="5.39g"),
         State("accumulator_ambient_1", "T_a,1", "-", 1.0, equation="5.39g"),
