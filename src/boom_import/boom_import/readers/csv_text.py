@@ -111,7 +111,7 @@ def sniff(head: bytes) -> Dialect:
     lines = lines[:_HEAD_LINES]
     best: tuple[float, str, str, list[list[str]], int] | None = None
     for separator in _SEPARATORS:
-        rows = [_cells(line, separator) for line in lines]
+        rows = _records(lines, separator)
         for decimal in ".,":
             if decimal == separator:
                 continue
@@ -156,6 +156,18 @@ def _decoded(head: bytes) -> tuple[str, str]:
         ) == _HEAD_BYTES else head.decode("utf-8-sig")
     except UnicodeDecodeError:
         return "cp1252", head.decode("cp1252", "replace")
+
+
+def _records(lines: list[str], separator: str) -> list[list[str]]:
+    """The cells of all records; a quoted cell may hold line breaks, as pandas has it where it skips what is above the numbers."""
+    if separator != " ":
+        try:
+            found = list(csv.reader((line + "\n" for line in lines), delimiter=separator, strict=False))
+        except csv.Error:
+            found = []
+        if len(found) > len(lines) / 2:  # a quote that is left open takes all that follows
+            return [[" ".join(cell.split()) for cell in row] for row in found]
+    return [_cells(line, separator) for line in lines]
 
 
 def _cells(line: str, separator: str) -> list[str]:
