@@ -63,7 +63,11 @@ class UsageError(ValueError):
 
 
 class _CommandParser(argparse.ArgumentParser):
-    """Reports a wrong option in one line, with the nearest valid one."""
+    """Reports a wrong option in one line, with the nearest valid one; -2.8e-1 is a number, as -0.28 is."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 
     def error(self, message: str) -> NoReturn:
         if message.startswith("unrecognized arguments: "):

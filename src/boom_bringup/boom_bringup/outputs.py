@@ -44,6 +44,8 @@ def checked(given: str | None, option: str, *marks: str) -> Path | None:
     """
     if given is None:
         return None
+    if given == "-":
+        raise UsageError(f"{option} -: a file is due here, and nothing is written to the terminal: give a name")
     path = Path(given)
     try:
         os.stat(path)

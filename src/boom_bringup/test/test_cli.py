@@ -282,6 +282,7 @@ def test_one_recording_or_one_joint_cannot_stand_for_two(words, said, things, mo
         (["record", ""], "BAG is empty"),
         (["new-machine", "--output", "x" * 300], "File name too long: give another path"),
         (["validate", "bag", "--json", "x" * 300], "File name too long: give another path"),
+        (["validate", "bag", "--json", "-"], "--json -: a file is due here"),
     ],
 )
 def test_a_path_that_no_file_can_have_is_refused_with_its_option(words, said, tmp_path, monkeypatch, capsys):
@@ -290,6 +291,11 @@ def test_a_path_that_no_file_can_have_is_refused_with_its_option(words, said, tm
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1 and len(error) < 200
     assert not list(tmp_path.iterdir())
+
+
+def test_a_negative_number_with_an_exponent_is_one(capsys):
+    assert cli.main(["validate", "no_bag", "--q3", "-2.8e-1"]) == 2
+    assert "no_bag" in capsys.readouterr().err
 
 
 def test_a_closed_standard_output_is_no_fault_of_ours():

@@ -12,7 +12,7 @@ from boom_checks.check import RecordingCheck
 from boom_checks.clocks import clock_checks
 from boom_checks.commands import chatter_checks, frozen_checks, latched_checks
 from boom_checks.even_series import SHORTEST, EvenSeries, even_series, seldom
-from boom_checks.jumps import jump_checks
+from boom_checks.jumps import jump_checks, turn_checks
 from boom_checks.mechanics import Mechanics, mechanics
 from boom_checks.readings import reading_checks
 from boom_checks.sampling import independent, sampling_checks
@@ -51,6 +51,7 @@ def first_look(recording: Recording, machine: Machine) -> FirstLook:
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
+    turns, recording = turn_checks(recording, machine)
     series, boom = _series(recording), mechanics(machine, recording)
     found, repaired = checks_of(recording, series, boom, machine)
     why = ""
@@ -58,7 +59,7 @@ def first_look(recording: Recording, machine: Machine) -> FirstLook:
         why = "no levels: the valve that holds the load stands between the hose pressure and the boom"
     elif missing := [name for name in ALL if not repaired.known(name)]:
         why = f"no levels: {lacking(recording, missing, 'they need')}"
-    return FirstLook(recording.name, tuple(found), None if why else statics_of(repaired, boom), why)
+    return FirstLook(recording.name, (*turns, *found), None if why else statics_of(repaired, boom), why)
 
 
 def _series(recording: Recording) -> EvenSeries:
@@ -85,7 +86,8 @@ def checks(recording: Recording, machine: Machine) -> list[RecordingCheck]:
     Raises:
         MachineError: a pose or load that the machine cannot have.
     """
-    return checks_of(recording, _series(recording), mechanics(machine, recording), machine)[0]
+    turns, recording = turn_checks(recording, machine)
+    return turns + checks_of(recording, _series(recording), mechanics(machine, recording), machine)[0]
 
 
 def checks_of(

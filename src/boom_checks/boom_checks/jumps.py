@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from scipy.stats import median_abs_deviation
 from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.readings import PRIOR, Z_90
 from boom_checks.sampling import independent
+from boom_input.channels import BY_NAME
+from boom_input.turns import without_turns
+from boom_model.machine import Machine
 from boom_recording.measurement import without_repeats
 from boom_recording.recording import Recording
 
@@ -32,6 +36,9 @@ AROUND = 11
 """Samples about a jump that it stands out from."""
 SHOWN = 3
 """Jumps that the sentence gives the time of."""
+TURN = 2.0 * math.pi
+SURE = 50.0
+"""Log odds of a jump by a whole turn within a sample."""
 GAP = 3.0
 """Sample times. What happened in a longer gap is not known."""
 
@@ -76,6 +83,35 @@ def jump_checks(recording: Recording) -> list[RecordingCheck]:
     odds = 0.5 * min(float(np.abs(step[found]).min()) / noise, 2.0 * CLEAR) ** 2 - math.log(len(step)) + PRIOR
     intervals = tuple((float(time[k]), float(time[k + 1])) for k in found)
     return [RecordingCheck("jump", angle.topic, intervals, sentence, measure, odds)]
+
+
+def turn_checks(recording: Recording, machine: Machine) -> tuple[list[RecordingCheck], Recording]:
+    """Whether the angle jumps by whole turns, or lies one away from where the boom can be; and the recording without them."""
+    angle = recording.signals.get("angle")
+    told = (
+        np.isfinite(angle.values) if angle else np.zeros(0, dtype=bool)
+    )  # what is far out is not valid, and told all the same
+    if angle is None or told.sum() < 2:
+        return [], recording
+    time, values = angle.time[told], angle.values.copy()
+    values[told], jumps, away = without_turns(angle.values[told], TURN)
+    low, high = machine.angle_limits
+    if not len(jumps) and not (away and low <= float(np.median(values[told])) <= high):
+        return [], recording
+    if len(jumps):
+        more = f" and {len(jumps) - SHOWN} times more" if len(jumps) > SHOWN else ""
+        what = f"jumps by whole turns at {', '.join(f'{time[k]:.2f} s' for k in jumps[:SHOWN])}{more}"
+    else:
+        what = f"lies {away:+d} turns away from what the boom can reach"
+    at = float(np.abs(angle.values[told]).max())
+    check = RecordingCheck(
+        "jump", angle.topic, tuple((float(time[k - 1]), float(time[k])) for k in jumps),
+        f"the angle {what}: its sensor counts in turns. Take them out: ./boom import does",
+        IntervalValue("largest angle, as recorded", at, "rad", (at, at)), SURE,
+    )  # fmt: skip
+    channel = BY_NAME["angle"]
+    repaired = replace(angle, values=values, valid=told & (values >= channel.low) & (values <= channel.high))
+    return [check], replace(recording, signals={**recording.signals, "angle": repaired})
 
 
 def _resolution(values: Array) -> float:

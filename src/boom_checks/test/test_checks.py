@@ -277,6 +277,21 @@ def test_a_rate_that_a_slow_filter_makes_of_the_angle_makes_no_clock_of_the_pres
     assert told == []
 
 
+def turned(recording: Recording, values: np.ndarray) -> Recording:
+    angle = recording.signals["angle"]
+    return replace(recording, signals={**recording.signals, "angle": replace(angle, values=values)})
+
+
+def test_an_angle_that_wraps_or_lies_a_turn_off_is_told_as_that_and_as_nothing_else() -> None:
+    made = fast()
+    angle = made.signals["angle"].values
+    for values, told in (
+        (np.where(angle < 0.5, angle + 2 * np.pi, angle), "jumps by whole turns"), (angle + 2 * np.pi, "lies +1 turns away"),
+    ):  # fmt: skip
+        (check,) = spoiling(turned(made, values))
+        assert check.kind == "jump" and told in check.sentence
+
+
 @pytest.mark.parametrize("jump", [-0.02, 0.006])
 def test_an_angle_that_slips_is_told_with_time_and_size(jump: float) -> None:
     made = slipped(fast(), jump)

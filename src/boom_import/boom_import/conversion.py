@@ -136,8 +136,14 @@ def _derivative(stamps: Stamps, angle: Floats) -> _Series:
 def _on_common_stamps(series: dict[str, _Series]) -> list[str]:
     """One message carries all signals of a topic: the others are interpolated to the stamps of the one with most samples."""
     notes = []
+    every = np.unique(np.concatenate([stamps for stamps, _ in series.values()]))
     for topic in dict.fromkeys(BY_NAME[signal].topic for signal in series):
         own = [channel.name for channel in of_topic(topic) if channel.name in series]
+        if _in_turns(own, series):
+            for name in own:
+                series[name] = every, _else_zero(every, *series[name])
+            notes.append(f"{' and '.join(own)} have no sample in common: one that has none is taken for 0 A")
+            continue
         leader = max(own, key=lambda name: len(series[name][0]))
         stamps = series[leader][0]
         for name in own:
@@ -146,6 +152,25 @@ def _on_common_stamps(series: dict[str, _Series]) -> list[str]:
             series[name] = stamps, _interpolated(stamps, *series[name])
             notes.append(f"{name} was interpolated to the times of {leader}")
     return notes
+
+
+def _in_turns(names: list[str], series: dict[str, _Series]) -> bool:
+    """Whether these are currents of two solenoids, logged while they flow only: none has a sample where the other has."""
+    if len(names) != 2 or any(BY_NAME[name].unit != "A" for name in names):
+        return False
+    (one, _), (other, _) = (series[name] for name in names)
+    times = np.sort(one)
+    after = np.searchsorted(
+        times, other
+    )  # how many of the one come before each of the other: alternating samples are no turns
+    alternating = len(np.unique(after)) > 0.5 * min(len(one), len(other))
+    return not alternating and len(np.intersect1d(one, other)) == 0
+
+
+def _else_zero(stamps: Stamps, own: Stamps, values: Floats) -> Floats:
+    result = np.zeros(len(stamps))
+    result[np.searchsorted(stamps, own)] = values
+    return result
 
 
 def _interpolated(stamps: Stamps, own: Stamps, values: Floats) -> Floats:

@@ -16,6 +16,7 @@ import numpy as np
 from boom_import.errors import ImportingError
 from boom_import.source import Column, Source, unique, without_error_values
 from boom_import.timing import TimeChoice
+from boom_import.turns import without_turns
 from boom_input.files import InputError, opened, read_text
 from boom_input.shown import quoted
 from boom_recording.bag_folder import METADATA
@@ -60,6 +61,7 @@ def read(paths: list[Path], choice: TimeChoice | None = None, progress: Progress
         sources.append(_one(path, choice or TimeChoice(), lambda part, b=begin: progress(b + part / len(paths))))  # type: ignore[misc]
     source = sources[0] if len(sources) == 1 else _together(paths, sources)
     without_error_values(source)
+    without_turns(source)
     return source
 
 

@@ -172,3 +172,21 @@ def test_signals_of_one_message_get_common_times_and_no_gap_is_bridged() -> None
     np.testing.assert_allclose(rate.values[rate.valid], np.cos(stamps / 1e9)[rate.valid], atol=2e-5)
     assert not rate.valid[81:120].any() and rate.valid[10:80].all()
     assert made.notes == ["rate was interpolated to the times of angle"]
+
+
+def test_currents_logged_while_they_flow_only_are_zero_else() -> None:
+    stamps = np.arange(300, dtype=np.int64) * 10_000_000
+    up, down = slice(50, 100), slice(150, 250)
+    columns = [
+        Column("q", "q", "", stamps, np.sin(stamps / 1e9)),
+        Column("up", "up", "", stamps[up], np.full(50, 0.4)), Column("down", "down", "", stamps[down], np.full(100, 0.5)),
+    ]  # fmt: skip
+    signals: dict[str, SignalMap | str] = {
+        "angle": SignalMap("q", "rad"), "extend_current": SignalMap("up", "A"), "retract_current": SignalMap("down", "A"),
+    }  # fmt: skip
+    made = conversion.convert("made", Source(Path("x"), "", columns, False, ""), Mapping(signals))
+    for name, value, there in (("extend_current", 0.4, up), ("retract_current", 0.5, down)):
+        expected = np.zeros(300)
+        expected[there] = value
+        np.testing.assert_array_equal(made.signals[name].values, expected)
+    assert any("taken for 0 A" in note for note in made.notes)

@@ -53,6 +53,33 @@ def test_a_dialect_is_found(head: str, separator: str, decimal: str, encoding: s
     assert not source.dated
 
 
+def test_a_heading_with_line_breaks_in_its_cells_is_one_record(tmp_path: Path) -> None:
+    """As office programs write it: read line by line, every name would stand one column too far left, and rows be lost."""
+    head = 'Time (s),"Angle\nraw (deg)",Angle (deg),"Hose\npressure (bar)"\n'
+    body = "".join(f"{0.01 * k:.2f},{k},{k + 0.5},{80 + k}\n" for k in range(40))
+    columns = reading.read([made(tmp_path, head + body)]).columns
+    assert [(c.name, c.unit) for c in columns] == [("Angle raw", "deg"), ("Angle", "deg"), ("Hose pressure", "bar")]
+    np.testing.assert_array_equal(columns[2].values, 80.0 + np.arange(40))
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("deg", 360.0), ("rad", 2.0 * np.pi)])
+def test_an_angle_that_counts_from_zero_to_a_turn_is_one_about_zero_and_said(
+    unit: str, turn: float, tmp_path: Path
+) -> None:
+    angle = turn * (0.02 * np.sin(np.arange(60) / 5.0) - 0.005)
+    body = "".join(f"{0.01 * k:.2f},{a % turn:.6f},{80 + k}\n" for k, a in enumerate(angle))
+    source = reading.read([made(tmp_path, f"time [s],boom angle [{unit}],hose [bar]\n{body}")])
+    np.testing.assert_allclose(source.columns[0].values, angle, atol=2e-6)
+    assert any("jumps by whole turns" in note for note in source.notes)
+
+
+def test_what_is_no_whole_turn_stays_in_an_angle(tmp_path: Path) -> None:
+    angle = np.where(np.arange(60) < 30, 10.0, 200.0)
+    body = "".join(f"{0.01 * k:.2f},{a:.1f},{80 + k}\n" for k, a in enumerate(angle))
+    source = reading.read([made(tmp_path, "time [s],slewing angle [deg],hose [bar]\n" + body)])
+    np.testing.assert_array_equal(source.columns[0].values, angle)
+
+
 def test_a_preamble_may_have_lines_of_numbers_and_one_of_units(tmp_path: Path) -> None:
     """As LabVIEW writes measurements: two headings, the second with numbers of samples, first times and steps of each channel."""
     head = (

@@ -21,6 +21,7 @@ from boom_model.tolerance import TOLERANCES, check_tolerance
 
 TURN = 2.0 * pi
 """Largest angle of the outer boom [rad]: beyond a turn it is in degrees."""
+SUPPLY, TANK = "fluid.p_s", "fluid.p_t"
 LEAST_RANGE = 0.02
 """rad. Of the boom's angles; recordings that move less are not fitted."""
 
@@ -117,7 +118,7 @@ def check(document: Any) -> tuple[Machine | None, list[str]]:
         *payloads,
     )
     machine = faults.of(machine.carrying) or machine
-    for step in (_check_positions, _check_areas, _check_links, check_together):
+    for step in (_check_pressures, _check_positions, _check_areas, _check_links, check_together):
         faults.of(step, machine)
     for part in structure:
         faults.of(part.check, machine.numbers, document.get(part.key[0], {}))
@@ -315,6 +316,15 @@ def _check_links(machine: Machine) -> None:
         placed = rigid_body.place_bodies(body, middle, 0.0)
         if not sum(part.mass * float(part.center @ part.center) + part.inertia for part in placed) > 0.0:
             raise MachineError("rigid_body.links: all bodies of the boom together have no inertia")
+
+
+def _check_pressures(machine: Machine) -> None:
+    if SUPPLY in machine.parameters:
+        supply, tank = (machine.parameters[key].value[0] for key in (SUPPLY, TANK))
+        if supply <= tank:
+            raise MachineError(
+                f"{SUPPLY}: {supply:g} Pa is not above the tank's, {TANK}: {tank:g} Pa: oil flows from one to the other"
+            )
 
 
 def _check_positions(machine: Machine) -> None:

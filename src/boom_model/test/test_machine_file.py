@@ -444,3 +444,11 @@ def test_units_of_the_burst_valves_law_need_not_be_written() -> None:
         assert left_out[name].value[0] == pytest.approx(known[name].value[0], rel=1e-9)
     with pytest.raises(MachineError, match=r"hose_burst_valve\.unit_flow: write \{value"):
         machine_from({**document, "hose_burst_valve": {**document["hose_burst_valve"], "unit_flow": 1.7e-5}})
+
+
+def test_a_supply_below_the_tank_s_pressure_is_a_fault(tmp_path: Path) -> None:
+    shipped = (resources.files("boom_model") / "machines" / "loader_crane.yaml").read_text(encoding="utf-8")
+    text = shipped.replace("p_s:  {value: 2.0e+7", "p_s:  {value: 1.0e+5")
+    (tmp_path / "crane.yaml").write_text(text)
+    machine, faults = check_machine(tmp_path / "crane.yaml")
+    assert machine is None and "fluid.p_s: 100000 Pa is not above the tank's" in faults[0]

@@ -79,7 +79,11 @@ def run(args: argparse.Namespace) -> int:
     """Identify; returns 0, even if nothing was determined."""
     if args.smoothing is not None and not 0.0 <= args.smoothing < float("inf"):
         raise UsageError(f"--smoothing {args.smoothing:g}: give a number of 0 or more")
-    names = [name.strip() for name in args.parameters.split(",")] if args.parameters is not None else None
+    names = None
+    if args.parameters is not None:
+        names = [*dict.fromkeys(filter(None, map(str.strip, args.parameters.split(","))))]
+        if not names:
+            raise UsageError("--parameters: there is no name in it")
     if names is not None and args.stationary_only:
         raise UsageError("--parameters concerns the refinement, which --stationary-only skips: leave one of them out")
     report = None if args.no_report else checked(args.report, "--report", PAGE) or default_report("identify", args.bags)

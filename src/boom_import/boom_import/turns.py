@@ -1,0 +1,35 @@
+"""Angles of foreign files without the whole turns that their sensors add."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from boom_import import units
+from boom_import.source import Source
+from boom_input import turns
+from boom_input.shown import quoted
+
+
+def without_turns(source: Source) -> None:
+    """Takes whole turns out of every column that is told to be an angle; with a note."""
+    for k, column in enumerate(source.columns):
+        told = units.parse(column.unit)
+        if told.measure is None or told.measure.dimension != units.ANGLE:
+            continue
+        turn = 2.0 * math.pi / (told.measure.factor * told.scale)
+        order = np.argsort(column.stamps_ns, kind="stable")
+        values = column.values.copy()
+        values[order], jumps, away = turns.without_turns(column.values[order], turn)
+        if len(jumps) or away:
+            source.columns[k] = replace(column, values=values)
+            what = (
+                f"it jumps by whole turns ({len(jumps)} times)"
+                if len(jumps)
+                else f"it lies {away:+d} turns away from 0"
+            )
+            source.notes.append(
+                f"'{quoted(column.key, 60)}': {what}: turns of {turn:.6g} {quoted(column.unit, 12)} are taken out"
+            )
