@@ -88,26 +88,28 @@ def jump_checks(recording: Recording) -> list[RecordingCheck]:
 def turn_checks(recording: Recording, machine: Machine) -> tuple[list[RecordingCheck], Recording]:
     """Whether the angle jumps by whole turns, or lies one away from where the boom can be; and the recording without them."""
     angle = recording.signals.get("angle")
-    told = (
-        np.isfinite(angle.values) if angle else np.zeros(0, dtype=bool)
-    )  # what is far out is not valid, and told all the same
-    if angle is None or told.sum() < 2:
+    if angle is None:
+        return [], recording
+    told = np.isfinite(angle.values)  # what lies far out is not valid, and told all the same
+    if told.sum() < 2:
         return [], recording
     time, values = angle.time[told], angle.values.copy()
-    values[told], jumps, away = without_turns(angle.values[told], TURN)
+    values[told], jumps = without_turns(angle.values[told], TURN)
     low, high = machine.angle_limits
-    if not len(jumps) and not (away and low <= float(np.median(values[told])) <= high):
-        return [], recording
+    away = round(float(np.median(angle.values[told] - values[told])) / TURN)
     if len(jumps):
         more = f" and {len(jumps) - SHOWN} times more" if len(jumps) > SHOWN else ""
-        what = f"jumps by whole turns at {', '.join(f'{time[k]:.2f} s' for k in jumps[:SHOWN])}{more}"
+        where = ", ".join(f"{time[k]:.2f} s" for k in jumps[:SHOWN]) + more
+        said = f"jumps by whole turns at {where}: its sensor counts from 0 to a turn. Take them out: ./boom import does"
+    elif away and low <= float(np.median(values[told])) <= high:
+        larger = "larger" if away > 0 else "smaller"
+        said = f"is {larger} by a whole turn than the boom's: import it with an offset of {-away * TURN:.6f} rad"
     else:
-        what = f"lies {away:+d} turns away from what the boom can reach"
+        return [], recording
     at = float(np.abs(angle.values[told]).max())
     check = RecordingCheck(
         "jump", angle.topic, tuple((float(time[k - 1]), float(time[k])) for k in jumps),
-        f"the angle {what}: its sensor counts in turns. Take them out: ./boom import does",
-        IntervalValue("largest angle, as recorded", at, "rad", (at, at)), SURE,
+        f"the angle {said}", IntervalValue("largest angle, as recorded", at, "rad", (at, at)), SURE,
     )  # fmt: skip
     channel = BY_NAME["angle"]
     repaired = replace(angle, values=values, valid=told & (values >= channel.low) & (values <= channel.high))

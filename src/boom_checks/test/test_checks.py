@@ -286,7 +286,7 @@ def test_an_angle_that_wraps_or_lies_a_turn_off_is_told_as_that_and_as_nothing_e
     made = fast()
     angle = made.signals["angle"].values
     for values, told in (
-        (np.where(angle < 0.5, angle + 2 * np.pi, angle), "jumps by whole turns"), (angle + 2 * np.pi, "lies +1 turns away"),
+        (np.where(angle < 0.5, angle + 2 * np.pi, angle), "jumps by whole turns"), (angle + 2 * np.pi, "is larger by a whole turn"),
     ):  # fmt: skip
         (check,) = spoiling(turned(made, values))
         assert check.kind == "jump" and told in check.sentence

@@ -159,10 +159,7 @@ def _in_turns(names: list[str], series: dict[str, _Series]) -> bool:
     if len(names) != 2 or any(BY_NAME[name].unit != "A" for name in names):
         return False
     (one, _), (other, _) = (series[name] for name in names)
-    times = np.sort(one)
-    after = np.searchsorted(
-        times, other
-    )  # how many of the one come before each of the other: alternating samples are no turns
+    after = np.searchsorted(np.sort(one), other)  # how many of the one come before each of the other
     alternating = len(np.unique(after)) > 0.5 * min(len(one), len(other))
     return not alternating and len(np.intersect1d(one, other)) == 0
 

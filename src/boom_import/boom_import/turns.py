@@ -22,14 +22,10 @@ def without_turns(source: Source) -> None:
         turn = 2.0 * math.pi / (told.measure.factor * told.scale)
         order = np.argsort(column.stamps_ns, kind="stable")
         values = column.values.copy()
-        values[order], jumps, away = turns.without_turns(column.values[order], turn)
-        if len(jumps) or away:
+        values[order], jumps = turns.without_turns(column.values[order], turn)
+        if len(jumps):  # what lies beyond half a turn may do so: the outer boom of a folded crane does
             source.columns[k] = replace(column, values=values)
-            what = (
-                f"it jumps by whole turns ({len(jumps)} times)"
-                if len(jumps)
-                else f"it lies {away:+d} turns away from 0"
-            )
             source.notes.append(
-                f"'{quoted(column.key, 60)}': {what}: turns of {turn:.6g} {quoted(column.unit, 12)} are taken out"
+                f"'{quoted(column.key, 60)}': it jumps by whole turns ({len(jumps)} times): turns of {turn:.6g} "
+                f"{quoted(column.unit, 12)} are taken out"
             )

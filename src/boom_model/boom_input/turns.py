@@ -11,16 +11,14 @@ NEAR = 0.1
 """Of a turn: by how much a step may differ from whole ones to be no motion."""
 
 
-def without_turns(values: Array, turn: float) -> tuple[Array, NDArray[np.intp], int]:
-    """An angle (n,) in the order of its samples, without whole ``turn``s, so that its median lies about zero.
+def without_turns(values: Array, turn: float) -> tuple[Array, NDArray[np.intp]]:
+    """An angle (n,) in the order of its samples, without whole ``turn``s, and the samples (k,) before which it jumps.
 
-    Returns the values, the samples (k,) before which it jumps, and how many turns away from zero it lay besides: one at most, as
-    no sensor shows more; what lies further off is something else.
+    Its median then lies within half a turn of zero, or where it was if that is more than one away: no sensor shows so much.
     """
     steps = np.diff(values) / turn
     whole = np.rint(steps)
     whole[np.abs(steps - whole) > NEAR] = 0.0
     even = values - turn * np.concatenate(([0.0], np.cumsum(whole)))
     away = round(float(np.median(even)) / turn)
-    away = away if abs(away) <= 1 else 0
-    return even - away * turn, np.flatnonzero(whole) + 1, away
+    return even - (away if abs(away) <= 1 else 0) * turn, np.flatnonzero(whole) + 1
