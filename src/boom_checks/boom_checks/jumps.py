@@ -15,7 +15,7 @@ from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.readings import PRIOR, Z_90
 from boom_checks.sampling import independent
 from boom_input.channels import BY_NAME
-from boom_input.turns import without_turns
+from boom_input.turns import turns_away, without_turns
 from boom_model.machine import Machine
 from boom_recording.measurement import without_repeats
 from boom_recording.recording import Recording
@@ -96,23 +96,27 @@ def turn_checks(recording: Recording, machine: Machine) -> tuple[list[RecordingC
     time, values = angle.time[told], angle.values.copy()
     values[told], jumps = without_turns(angle.values[told], TURN)
     low, high = machine.angle_limits
-    away = round(float(np.median(angle.values[told] - values[told])) / TURN)
+    away = turns_away(values[told], TURN)
+    values -= away * TURN
     if len(jumps):
         more = f" and {len(jumps) - SHOWN} times more" if len(jumps) > SHOWN else ""
         where = ", ".join(f"{time[k]:.2f} s" for k in jumps[:SHOWN]) + more
-        said = f"jumps by whole turns at {where}: its sensor counts from 0 to a turn. Take them out: ./boom import does"
+        said = f"jumps by whole turns at {where}: its sensor counts from 0 to a turn"
     elif away and low <= float(np.median(values[told])) <= high:
         larger = "larger" if away > 0 else "smaller"
-        said = f"is {larger} by a whole turn than the boom's: import it with an offset of {-away * TURN:.6f} rad"
+        said = f"is {larger} by a whole turn than the boom's"
     else:
         return [], recording
     at = float(np.abs(angle.values[told]).max())
     check = RecordingCheck(
         "jump", angle.topic, tuple((float(time[k - 1]), float(time[k])) for k in jumps),
-        f"the angle {said}", IntervalValue("largest angle, as recorded", at, "rad", (at, at)), SURE,
+        f"the angle {said}. Take whole turns out: ./boom import does",
+        IntervalValue("largest angle, as recorded", at, "rad", (at, at)), SURE,
     )  # fmt: skip
     channel = BY_NAME["angle"]
-    repaired = replace(angle, values=values, valid=told & (values >= channel.low) & (values <= channel.high))
+    inside = (angle.values >= channel.low) & (angle.values <= channel.high)
+    masked = inside & ~angle.valid  # for another reason than its size
+    repaired = replace(angle, values=values, valid=told & ~masked & (values >= channel.low) & (values <= channel.high))
     return [check], replace(recording, signals={**recording.signals, "angle": repaired})
 
 

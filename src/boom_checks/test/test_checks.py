@@ -16,7 +16,7 @@ from boom_checks.clocks import PRESSURES as CLOCK_PRESSURES
 from boom_checks.commands import chatter_checks
 from boom_checks.doubts import checks
 from boom_checks.even_series import PERIOD, EvenSeries, even_series
-from boom_checks.jumps import jump_checks
+from boom_checks.jumps import jump_checks, turn_checks
 from boom_checks.mechanics import mechanics
 from boom_checks.readings import PRIOR, reading_checks
 from boom_checks.relations import changes, contact_gain, force, pressure_range, response
@@ -290,6 +290,14 @@ def test_an_angle_that_wraps_or_lies_a_turn_off_is_told_as_that_and_as_nothing_e
     ):  # fmt: skip
         (check,) = spoiling(turned(made, values))
         assert check.kind == "jump" and told in check.sentence
+
+
+@pytest.mark.parametrize("wrong", [6.4, -6.0, 50.5, 1e20])
+def test_a_single_wrong_sample_of_an_angle_is_no_turn(wrong: float) -> None:
+    made = fast()
+    values = made.signals["angle"].values.copy()
+    values[3000] = wrong
+    assert not turn_checks(turned(made, values), TZ17)[0]
 
 
 @pytest.mark.parametrize("jump", [-0.02, 0.006])

@@ -16,14 +16,17 @@ def test_what_a_limit_holds_lets_the_others_make_up_for_it() -> None:
     assert free.tolist() == [False, True]
 
 
-def test_an_unknown_that_would_come_back_from_its_limit_does() -> None:
-    """The first of a chain reaches its limit on the way, and leaves it when the second has reached its own."""
-    normal = np.array([[1.0, 0.95, 0.0], [0.95, 1.0, 0.5], [0.0, 0.5, 1.0]])
-    gradient, low, high = np.array([-3.0, -1.0, 4.0]), np.full(3, -1.5), np.full(3, 1.5)
-    step, free = bounded(normal, gradient, low, high)
-    slope = gradient + normal @ step
-    assert np.abs(slope[free]).max(initial=0.0) < 1e-6
-    assert (slope[~free & (step <= low)] >= -1e-6).all() and (slope[~free & (step >= high)] <= 1e-6).all()
+def test_no_slope_leads_on_from_where_it_ends() -> None:
+    rng = np.random.default_rng(0)
+    for count in rng.integers(1, 30, 400):
+        root = rng.normal(size=(count, count))
+        normal, gradient = root.T @ root + 0.01 * np.eye(count), 5.0 * rng.normal(size=count)
+        low, high = -rng.uniform(0.0, 1.0, count), rng.uniform(0.0, 1.0, count)
+        step, free = bounded(normal, gradient, low, high)
+        slope = (gradient + normal @ step) / (1.0 + np.abs(gradient).max())
+        assert np.abs(slope[free]).max(initial=0.0) < 1e-5
+        at_low = step - low < 0.5 * (high - low)
+        assert (slope[~free & at_low] >= -1e-5).all() and (slope[~free & ~at_low] <= 1e-5).all()
 
 
 @pytest.mark.parametrize("seed", range(8))

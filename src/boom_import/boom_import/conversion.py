@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from difflib import get_close_matches
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -15,6 +16,7 @@ from boom_import.mapping import DERIVATIVE, Mapping, SignalMap
 from boom_import.source import Column, Floats, Source, Stamps
 from boom_input.channels import AMBIENT_PRESSURE_PA, BY_NAME, CHANNELS, of_topic
 from boom_input.shown import quoted
+from boom_input.turns import turns_away
 from boom_recording.recording import Configuration, GivenConfiguration, Recording, Signal
 from boom_recording.writing import START_NS
 
@@ -23,7 +25,10 @@ _WINDOW = (
 )
 _REST = 1e-9  # rad/s
 _MOST_OUTSIDE = 0.02
+_AT_ONCE, _MOVES = 0.05, 0.01
+"""Share of the samples that two currents in turns may have at once; rad by which a boom moves that some current still moves."""
 _APART = 0.05  # s: further apart than this, nothing is interpolated
+_TURN = 2.0 * np.pi
 _FARTHEST = 1e30
 """Out of every range, and a number that a page can show."""
 _Series = tuple[Stamps, Floats]
@@ -40,15 +45,22 @@ def convert(name: str, source: Source, mapping: Mapping) -> Recording:
         raise ImportingError(f"{opened[0]} is not decided: write its column, unit and sign in the place of 'ask'")
     columns = source.by_key()
     series: dict[str, _Series] = {}
+    notes: list[str] = []
     for signal, entry in mapping.signals.items():
         if isinstance(entry, SignalMap):
             column = _column(columns, entry, mapping.joint, signal)
-            series[signal] = column.stamps_ns, _checked(signal, entry, column)
+            values = to_si(entry, column.values)
+            if signal == ANGLE and (away := turns_away(values, _TURN)):
+                values = values - away * _TURN
+                notes.append(
+                    f"a whole turn is taken out of the angle, which is {values.min():.4g} to {values.max():.4g} rad then"
+                )
+            series[signal] = column.stamps_ns, _checked(signal, entry, column, values)
     if mapping.signals.get(RATE) == DERIVATIVE and ANGLE in series:
         series[RATE] = _derivative(*series[ANGLE])
     if not series:
         raise ImportingError("no signal has a column: there is nothing to import")
-    notes = _on_common_stamps(series)
+    notes += _on_common_stamps(series)
     first = min(int(stamps[0]) for stamps, _ in series.values())
     shift = 0 if source.dated else START_NS - first
     start = first + shift
@@ -104,8 +116,7 @@ def to_si(entry: SignalMap, numbers: Floats) -> Floats:
     return np.asarray(values - (AMBIENT_PRESSURE_PA if entry.reference == "absolute" else 0.0))
 
 
-def _checked(signal: str, entry: SignalMap, column: Column) -> Floats:
-    values = to_si(entry, column.values)
+def _checked(signal: str, entry: SignalMap, column: Column, values: Floats) -> Floats:
     channel = BY_NAME[signal]
     outside = float(np.mean((values < channel.low) | (values > channel.high)))
     if outside > _MOST_OUTSIDE:
@@ -139,10 +150,10 @@ def _on_common_stamps(series: dict[str, _Series]) -> list[str]:
     every = np.unique(np.concatenate([stamps for stamps, _ in series.values()]))
     for topic in dict.fromkeys(BY_NAME[signal].topic for signal in series):
         own = [channel.name for channel in of_topic(topic) if channel.name in series]
-        if _in_turns(own, series):
-            for name in own:
-                series[name] = every, _else_zero(every, *series[name])
-            notes.append(f"{' and '.join(own)} have no sample in common: one that has none is taken for 0 A")
+        if found := _in_turns(own, series, every):
+            series.update(found)
+            words = "flow in turns, and are logged while they flow only: 0 A is taken else, but where the boom moves"
+            notes.append(f"{' and '.join(own)} {words}")
             continue
         leader = max(own, key=lambda name: len(series[name][0]))
         stamps = series[leader][0]
@@ -154,20 +165,27 @@ def _on_common_stamps(series: dict[str, _Series]) -> list[str]:
     return notes
 
 
-def _in_turns(names: list[str], series: dict[str, _Series]) -> bool:
-    """Whether these are currents of two solenoids, logged while they flow only: none has a sample where the other has."""
+def _in_turns(names: list[str], series: dict[str, _Series], every: Stamps) -> dict[str, _Series]:
+    """The currents of two solenoids that were logged while they flow only, with zeros else; {} where they were not.
+
+    Both have pauses, and hardly ever samples at once. In a pause in which the boom still moves at last nothing is known: a logger
+    that writes what changes has no samples of a current that stays.
+    """
     if len(names) != 2 or any(BY_NAME[name].unit != "A" for name in names):
-        return False
-    (one, _), (other, _) = (series[name] for name in names)
-    after = np.searchsorted(np.sort(one), other)  # how many of the one come before each of the other
-    alternating = len(np.unique(after)) > 0.5 * min(len(one), len(other))
-    return not alternating and len(np.intersect1d(one, other)) == 0
-
-
-def _else_zero(stamps: Stamps, own: Stamps, values: Floats) -> Floats:
-    result = np.zeros(len(stamps))
-    result[np.searchsorted(stamps, own)] = values
-    return result
+        return {}
+    found = {name: _interpolated(every, *series[name]) for name in names}
+    one, other = (np.isfinite(values) for values in found.values())
+    if one.all() or other.all() or (one & other).sum() > _AT_ONCE * min(one.sum(), other.sum()):
+        return {}
+    angle = np.interp(every, *series[ANGLE]) if ANGLE in series else np.zeros(len(every))
+    flows = one | other
+    for last, first in pairwise(np.flatnonzero(flows)):
+        if abs(angle[first] - angle[(last + first) // 2]) > _MOVES:
+            flows[last + 1 : first] = True
+    return {
+        name: (every, np.where(np.isfinite(values) | flows & ~(one | other), values, 0.0))
+        for name, values in found.items()
+    }
 
 
 def _interpolated(stamps: Stamps, own: Stamps, values: Floats) -> Floats:

@@ -14,7 +14,7 @@ from boom_input.shown import quoted
 
 
 def without_turns(source: Source) -> None:
-    """Takes whole turns out of every column that is told to be an angle; with a note."""
+    """Takes whole turns out of every column that is told to be an angle and jumps by them; with a note."""
     for k, column in enumerate(source.columns):
         told = units.parse(column.unit)
         if told.measure is None or told.measure.dimension != units.ANGLE:
@@ -23,7 +23,7 @@ def without_turns(source: Source) -> None:
         order = np.argsort(column.stamps_ns, kind="stable")
         values = column.values.copy()
         values[order], jumps = turns.without_turns(column.values[order], turn)
-        if len(jumps):  # what lies beyond half a turn may do so: the outer boom of a folded crane does
+        if len(jumps):
             source.columns[k] = replace(column, values=values)
             source.notes.append(
                 f"'{quoted(column.key, 60)}': it jumps by whole turns ({len(jumps)} times): turns of {turn:.6g} "

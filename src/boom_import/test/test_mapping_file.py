@@ -14,7 +14,7 @@ from boom_import.errors import ImportingError
 from boom_import.mapping import Mapping, SignalMap
 from boom_import.source import Column, Source
 from boom_import.timing import TimeChoice
-from boom_recording.recording import Configuration
+from boom_recording.recording import Configuration, Recording
 
 WHOLE = Mapping(
     {
@@ -174,19 +174,43 @@ def test_signals_of_one_message_get_common_times_and_no_gap_is_bridged() -> None
     assert made.notes == ["rate was interpolated to the times of angle"]
 
 
-def test_currents_logged_while_they_flow_only_are_zero_else() -> None:
-    stamps = np.arange(300, dtype=np.int64) * 10_000_000
-    up, down = slice(50, 100), slice(150, 250)
-    columns = [
-        Column("q", "q", "", stamps, np.sin(stamps / 1e9)),
-        Column("up", "up", "", stamps[up], np.full(50, 0.4)), Column("down", "down", "", stamps[down], np.full(100, 0.5)),
-    ]  # fmt: skip
+def with_currents(up: tuple[np.ndarray, np.ndarray], down: tuple[np.ndarray, np.ndarray]) -> Recording:
+    """An angle every 5 ms for 3 s, which rises from 0.2 to 1.4 s, and currents [A] at their own times [ms]."""
+    stamps = np.arange(600, dtype=np.int64) * 5_000_000
+    columns = [Column("q", "q", "", stamps, 0.2 * np.clip(stamps / 1e9 - 0.2, 0.0, 1.2))]
+    columns += [Column(n, n, "", (t * 1e6).astype(np.int64), i) for n, (t, i) in (("up", up), ("down", down))]
     signals: dict[str, SignalMap | str] = {
         "angle": SignalMap("q", "rad"), "extend_current": SignalMap("up", "A"), "retract_current": SignalMap("down", "A"),
     }  # fmt: skip
-    made = conversion.convert("made", Source(Path("x"), "", columns, False, ""), Mapping(signals))
-    for name, value, there in (("extend_current", 0.4, up), ("retract_current", 0.5, down)):
-        expected = np.zeros(300)
-        expected[there] = value
-        np.testing.assert_array_equal(made.signals[name].values, expected)
-    assert any("taken for 0 A" in note for note in made.notes)
+    return conversion.convert("made", Source(Path("x"), "", columns, False, ""), Mapping(signals))
+
+
+def test_currents_logged_while_they_flow_only_are_zero_else() -> None:
+    up, down = np.arange(500.0, 1301.0, 20.0), np.arange(1900.0, 2501.0, 20.0)
+    made = with_currents((up, np.linspace(0.3, 0.4, len(up))), (down, np.full(len(down), 0.5)))
+    for name, begin, end in (("extend_current", 0.5, 1.3), ("retract_current", 1.9, 2.5)):
+        signal = made.signals[name]
+        flows = (signal.time >= begin) & (signal.time <= end)
+        away = (signal.time < begin - 0.03) | (signal.time > end + 0.03)
+        assert signal.valid.all() and (signal.values[flows] >= 0.3).all() and (signal.values[away] == 0.0).all()
+    assert any("0 A is taken" in note for note in made.notes)
+
+
+def test_currents_that_are_logged_by_turns_all_the_time_are_never_zero() -> None:
+    """Two frames of each per flush."""
+    times = np.arange(0.0, 3000.0, 10.0).reshape(-1, 4)
+    made = with_currents(
+        *((times[:, part].ravel(), np.full(2 * len(times), 0.4)) for part in (slice(0, 2), slice(2, 4)))
+    )
+    for name in ("extend_current", "retract_current"):
+        np.testing.assert_allclose(made.signals[name].values[made.signals[name].valid], 0.4)
+
+
+def test_what_a_current_does_between_changes_is_not_known() -> None:
+    """A logger that writes what changes holds the value, where one that writes what flows would have none."""
+    ramp = np.arange(0.0, 200.0, 10.0)
+    up = np.concatenate([200.0 + ramp, 1200.0 + ramp])
+    level = np.concatenate([0.02 * np.arange(20), 0.38 - 0.02 * np.arange(20)])
+    made = with_currents((up, level), (np.arange(2000.0, 2400.0, 10.0), np.full(40, 0.5)))
+    signal = made.signals["extend_current"]
+    assert not signal.valid[(signal.time > 0.5) & (signal.time < 1.1)].any()

@@ -7,18 +7,26 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-NEAR = 0.1
-"""Of a turn: by how much a step may differ from whole ones to be no motion."""
+NEAR = 0.02
+"""Of a turn: by how much a step may differ from a whole one to be no motion, and the readings span more than one."""
 
 
 def without_turns(values: Array, turn: float) -> tuple[Array, NDArray[np.intp]]:
-    """An angle (n,) in the order of its samples, without whole ``turn``s, and the samples (k,) before which it jumps.
+    """An angle (n,) in the order of its samples, without steps of a whole ``turn``, and the samples (k,) before which it jumps.
 
-    Its median then lies within half a turn of zero, or where it was if that is more than one away: no sensor shows so much.
+    The readings of a sensor that wraps lie within a turn; what jumps further is damage. Where most samples are, they stay.
     """
     steps = np.diff(values) / turn
     whole = np.rint(steps)
-    whole[np.abs(steps - whole) > NEAR] = 0.0
-    even = values - turn * np.concatenate(([0.0], np.cumsum(whole)))
-    away = round(float(np.median(even)) / turn)
-    return even - (away if abs(away) <= 1 else 0) * turn, np.flatnonzero(whole) + 1
+    whole[(np.abs(steps - whole) > NEAR) | (np.abs(whole) != 1.0)] = 0.0
+    if not whole.any() or float(np.ptp(values)) > (1.0 + NEAR) * turn:
+        return values, np.zeros(0, dtype=np.intp)
+    turned = np.concatenate(([0.0], np.cumsum(whole)))
+    levels, counts = np.unique(turned, return_counts=True)
+    return values - turn * (turned - levels[np.argmax(counts)]), np.flatnonzero(whole) + 1
+
+
+def turns_away(values: Array, turn: float) -> int:
+    """By how many whole turns an angle (n,) lies away from zero: one at most, as no sensor shows more."""
+    away = round(float(np.median(values)) / turn)
+    return away if abs(away) <= 1 else 0

@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
             markup=False, soft_wrap=True,
         )  # fmt: skip
     spoilt = [look for look in looks if any(check.spoils for check in look.checks)]
-    if differing and spoilt:
+    if spoilt:
         console.print(
             f"next: repair {spoilt[0].name} as said above (./boom import with a mapping), before any physics is looked for",
             markup=False, soft_wrap=True,

@@ -39,6 +39,7 @@ _NUMBER = {
 _BROKEN = re.compile(r"[-+]?[.,]?\d")
 _MINUS = "\u2212"
 """The sign as office programs write it."""
+_BREAKS = re.compile(r"\s*[\r\n]\s*")
 _FORMULA = re.compile(r'="[^"]*"')
 _GROUPED = re.compile(
     r"[-+]?\d{1,3}(?:(?:\.\d{3}){2,}(?:,\d+)?|\.\d{3},\d+|(?:,\d{3}){2,}(?:\.\d+)?|,\d{3}\.\d+|(?:['\u2019\u00a0\u202f]\d{3})+(?:[.,]\d+)?)"
@@ -162,11 +163,11 @@ def _records(lines: list[str], separator: str) -> list[list[str]]:
     """The cells of all records; a quoted cell may hold line breaks, as pandas has it where it skips what is above the numbers."""
     if separator != " ":
         try:
-            found = list(csv.reader((line + "\n" for line in lines), delimiter=separator, strict=False))
+            found = list(csv.reader((line + "\n" for line in lines), delimiter=separator, skipinitialspace=True))
         except csv.Error:
             found = []
         if len(found) > len(lines) / 2:  # a quote that is left open takes all that follows
-            return [[" ".join(cell.split()) for cell in row] for row in found]
+            return [[_BREAKS.sub(" ", cell.strip()) for cell in row] for row in found]
     return [_cells(line, separator) for line in lines]
 
 
@@ -256,7 +257,7 @@ def _parts(file: BinaryIO, dialect: Dialect, progress: Callable[[], None]) -> tu
         "sep": r"\s+" if dialect.separator == " " else dialect.separator,
         "decimal": dialect.decimal, "header": None, "names": list(range(len(dialect.headers))), "skiprows": dialect.first,
         "encoding": dialect.encoding, "encoding_errors": "replace", "skip_blank_lines": True,
-        "low_memory": True, "index_col": False,
+        "low_memory": True, "index_col": False, "skipinitialspace": True,
         "dtype": dict.fromkeys(dialect.clocks, str), "on_bad_lines": "warn", "chunksize": _ROWS, "na_values": list(_EMPTY),
     }  # fmt: skip
     parts: list[list[Floats]] = [[] for _ in dialect.headers]
