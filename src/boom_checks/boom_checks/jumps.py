@@ -15,7 +15,7 @@ from boom_checks.check import IntervalValue, RecordingCheck
 from boom_checks.readings import PRIOR, Z_90
 from boom_checks.sampling import independent
 from boom_input.channels import BY_NAME
-from boom_input.turns import turns_away, without_turns
+from boom_input.turns import TURN, turns_away, without_turns
 from boom_model.machine import Machine
 from boom_recording.measurement import without_repeats
 from boom_recording.recording import Recording
@@ -36,7 +36,6 @@ AROUND = 11
 """Samples about a jump that it stands out from."""
 SHOWN = 3
 """Jumps that the sentence gives the time of."""
-TURN = 2.0 * math.pi
 SURE = 50.0
 """Log odds of a jump by a whole turn within a sample."""
 GAP = 3.0
@@ -94,9 +93,9 @@ def turn_checks(recording: Recording, machine: Machine) -> tuple[list[RecordingC
     if told.sum() < 2:
         return [], recording
     time, values = angle.time[told], angle.values.copy()
-    values[told], jumps = without_turns(angle.values[told], TURN)
+    values[told], jumps = without_turns(angle.values[told])
     low, high = machine.angle_limits
-    away = turns_away(values[told], TURN)
+    away = turns_away(values[told])
     values -= away * TURN
     if len(jumps):
         more = f" and {len(jumps) - SHOWN} times more" if len(jumps) > SHOWN else ""

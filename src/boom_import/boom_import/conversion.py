@@ -16,7 +16,7 @@ from boom_import.mapping import DERIVATIVE, Mapping, SignalMap
 from boom_import.source import Column, Floats, Source, Stamps
 from boom_input.channels import AMBIENT_PRESSURE_PA, BY_NAME, CHANNELS, of_topic
 from boom_input.shown import quoted
-from boom_input.turns import turns_away
+from boom_input.turns import TURN, turns_away
 from boom_recording.recording import Configuration, GivenConfiguration, Recording, Signal
 from boom_recording.writing import START_NS
 
@@ -28,7 +28,6 @@ _MOST_OUTSIDE = 0.02
 _AT_ONCE, _MOVES = 0.05, 0.01
 """Share of the samples that two currents in turns may have at once; rad by which a boom moves that some current still moves."""
 _APART = 0.05  # s: further apart than this, nothing is interpolated
-_TURN = 2.0 * np.pi
 _FARTHEST = 1e30
 """Out of every range, and a number that a page can show."""
 _Series = tuple[Stamps, Floats]
@@ -50,8 +49,9 @@ def convert(name: str, source: Source, mapping: Mapping) -> Recording:
         if isinstance(entry, SignalMap):
             column = _column(columns, entry, mapping.joint, signal)
             values = to_si(entry, column.values)
-            if signal == ANGLE and (away := turns_away(values, _TURN)):
-                values = values - away * _TURN
+            turns = signal == ANGLE and units.BY_NAME[entry.unit].dimension == units.ANGLE  # a piston's way has none
+            if turns and (away := turns_away(values)):
+                values = values - away * TURN
                 notes.append(
                     f"a whole turn is taken out of the angle, which is {values.min():.4g} to {values.max():.4g} rad then"
                 )
@@ -177,10 +177,10 @@ def _in_turns(names: list[str], series: dict[str, _Series], every: Stamps) -> di
     one, other = (np.isfinite(values) for values in found.values())
     if one.all() or other.all() or (one & other).sum() > _AT_ONCE * min(one.sum(), other.sum()):
         return {}
-    angle = np.interp(every, *series[ANGLE]) if ANGLE in series else np.zeros(len(every))
+    angle = _interpolated(every, *series[ANGLE]) if ANGLE in series else np.zeros(len(every))
     flows = one | other
     for last, first in pairwise(np.flatnonzero(flows)):
-        if abs(angle[first] - angle[(last + first) // 2]) > _MOVES:
+        if not abs(angle[first] - angle[(last + first) // 2]) <= _MOVES:  # nor where the angle is not known
             flows[last + 1 : first] = True
     return {
         name: (every, np.where(np.isfinite(values) | flows & ~(one | other), values, 0.0))

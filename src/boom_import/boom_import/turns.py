@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +18,7 @@ def without_turns(source: Source) -> None:
         told = units.parse(column.unit)
         if told.measure is None or told.measure.dimension != units.ANGLE:
             continue
-        turn = 2.0 * math.pi / (told.measure.factor * told.scale)
+        turn = turns.TURN / (told.measure.factor * told.scale)
         order = np.argsort(column.stamps_ns, kind="stable")
         values = column.values.copy()
         values[order], jumps = turns.without_turns(column.values[order], turn)

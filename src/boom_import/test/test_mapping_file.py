@@ -174,6 +174,19 @@ def test_signals_of_one_message_get_common_times_and_no_gap_is_bridged() -> None
     assert made.notes == ["rate was interpolated to the times of angle"]
 
 
+@pytest.mark.parametrize(("unit", "shift"), [("rad", -2.0 * np.pi), ("m", 0.0)])
+def test_a_whole_turn_is_taken_out_of_an_angle_and_not_out_of_a_piston_s_way(unit: str, shift: float) -> None:
+    stamps = np.arange(200, dtype=np.int64) * 10_000_000
+    values = (6.5 if unit == "rad" else 3.15) + 0.01 * np.sin(stamps / 1e9)
+    made = conversion.convert(
+        "made",
+        Source(Path("x"), "", [Column("q", "q", "", stamps, values)], False, ""),
+        Mapping({"angle": SignalMap("q", unit)}),
+    )
+    np.testing.assert_allclose(made.signals["angle"].values, values + shift)
+    assert bool(made.notes) == bool(shift)
+
+
 def with_currents(up: tuple[np.ndarray, np.ndarray], down: tuple[np.ndarray, np.ndarray]) -> Recording:
     """An angle every 5 ms for 3 s, which rises from 0.2 to 1.4 s, and currents [A] at their own times [ms]."""
     stamps = np.arange(600, dtype=np.int64) * 5_000_000

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+TURN = 2.0 * math.pi
+"""rad."""
 NEAR = 0.02
 """Of a turn: by how much a step may differ from a whole one to be no motion, and the readings span more than one."""
 
 
-def without_turns(values: Array, turn: float) -> tuple[Array, NDArray[np.intp]]:
+def without_turns(values: Array, turn: float = TURN) -> tuple[Array, NDArray[np.intp]]:
     """An angle (n,) in the order of its samples, without steps of a whole ``turn``, and the samples (k,) before which it jumps.
 
-    The readings of a sensor that wraps lie within a turn; what jumps further is damage. Where most samples are, they stay.
+    The readings of a sensor that wraps lie within a turn; what jumps further is damage. Where most samples are, they stay. values
+    and turn have one unit.
     """
     steps = np.diff(values) / turn
     whole = np.rint(steps)
@@ -26,7 +31,7 @@ def without_turns(values: Array, turn: float) -> tuple[Array, NDArray[np.intp]]:
     return values - turn * (turned - levels[np.argmax(counts)]), np.flatnonzero(whole) + 1
 
 
-def turns_away(values: Array, turn: float) -> int:
-    """By how many whole turns an angle (n,) lies away from zero: one at most, as no sensor shows more."""
-    away = round(float(np.median(values)) / turn)
+def turns_away(values: Array) -> int:
+    """By how many whole turns an angle (n,) [rad] lies away from zero: one at most, as no sensor shows more."""
+    away = round(float(np.median(values)) / TURN)
     return away if abs(away) <= 1 else 0
