@@ -35,6 +35,8 @@ MOVING = 0.02
 """rad/s."""
 GAINS, TRAJECTORIES = 16, 3
 """Kept per recording: some 4 and 25 MB each, of a recording of 60 s."""
+BEGUN = 64
+"""Plants whose initial state is kept."""
 TIMING_NOISE = 1e-3
 """s. When a current changed is not known better than that."""
 JITTER = 0.1
@@ -87,6 +89,7 @@ class Bag:
             value, see :func:`by_pose`.
         plants: of a machine with some effects with states, built so far: building one costs as much as two passes.
         gains, trajectories: of the observers that were asked for last; the same are wanted again and again.
+        begun: plant -> its initial state in a recording that begins in motion, whatever its numbers.
     """
 
     recording: Recording
@@ -102,6 +105,7 @@ class Bag:
     plants: list[tuple[Machine, frozenset[str], Plant]] = field(default_factory=list, compare=False, repr=False)
     gains: Recent[KalmanGains] = field(default_factory=lambda: Recent(GAINS), compare=False, repr=False)
     trajectories: Recent[Linearised] = field(default_factory=lambda: Recent(TRAJECTORIES), compare=False, repr=False)
+    begun: Recent[Array] = field(default_factory=lambda: Recent(BEGUN), compare=False, repr=False)
     taken: Recent[tuple[NDArray[np.int64], Array, Array, Array]] = field(
         default_factory=lambda: Recent(2 * len(OUTPUTS)), compare=False, repr=False
     )
@@ -268,6 +272,9 @@ class Bag:
             s = self.start
             acting = self.currents.at(0.0)
             return plant.rest_state_measured(s["angle"], s["hose_pressure"], s["rod_pressure"], parameters, acting)
+        return self.begun.get(plant, lambda: self._in_motion(plant))
+
+    def _in_motion(self, plant: Plant) -> Array:
         start = self.start | ({"rate": float(np.mean(self.speed()[0][:FIRST]))} if "rate" in self.lacking else {})
         return stationary_guess(plant, start, self.currents.at(0.0))
 

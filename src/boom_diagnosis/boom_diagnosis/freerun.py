@@ -114,15 +114,20 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
     inside, squares = grid >= span.start, []
     try:
         exact = plant.run(currents.time, currents.values, grid, x0, tolerance=FAST).outputs
-        for _ in range(DRAWS):
-            noisy = currents.drawn(rng)
-            noisy[:, : len(CURRENTS)] += CURRENT_NOISE * rng.standard_normal(given.shape) * (given > 0.05)
-            other = plant.run(currents.time, noisy, grid, x0, tolerance=FAST).outputs
-            measured = machine.sensor_noise().outputs(other, rng)
-            squares.append(np.mean((measured[inside] - exact[inside]) ** 2, axis=0))
     except SimulationError:
         return UNKNOWN
-    return tuple((np.sqrt(typical(np.array(squares))) / span.spread()).tolist())
+    for _ in range(DRAWS):
+        noisy = currents.drawn(rng)
+        noisy[:, : len(CURRENTS)] += CURRENT_NOISE * rng.standard_normal(given.shape) * (given > 0.05)
+        try:
+            other = plant.run(currents.time, noisy, grid, x0, tolerance=FAST).outputs
+        except SimulationError:  # one that diverged
+            squares.append(np.full(len(OUTPUTS), np.inf))
+            continue
+        measured = machine.sensor_noise().outputs(other, rng)
+        squares.append(np.mean((measured[inside] - exact[inside]) ** 2, axis=0))
+    floor = np.sqrt(typical(np.array(squares))) / span.spread()
+    return tuple(np.where(np.isfinite(floor), floor, np.nan).tolist())
 
 
 def typical(squares: Array) -> Array:

@@ -18,14 +18,18 @@ from dataclasses import replace
 from math import exp, hypot, inf, sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from boom_diagnosis.case import Case, Opened
+from boom_diagnosis.coordinates import Coordinate
 from boom_diagnosis.fitting import Point
-from boom_diagnosis.hypotheses import LOOSENESS, Fits
+from boom_diagnosis.hypotheses import LOOSENESS, NOTICED, Fits
 from boom_diagnosis.nuisances import LARGEST_Z, ROD_SIDE, TWINS, Nuisance, bore, known, masses
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.search import Scanner
-from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, TOO_SMALL, Z90, of_tolerances
+from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, TOO_SMALL, Z90, of_tolerances, trusted
+
+Array = NDArray[np.float64]
 
 ANYTHING = 0.4
 """Standard deviation of the logarithm of a number of which nothing is known: off by a factor of 1.5, and up to one of five."""
@@ -84,8 +88,22 @@ def _laboured(case: Case) -> bool:
 
 
 def _ended(case: Case) -> int:
-    """How many tolerances stand at their ends."""
-    return int(case.ended(case.last).sum())
+    """How many tolerances the recordings hold at their ends."""
+    found = case.taken[-1].fitted if case.taken else None
+    jacobian = found.jacobian if found else case.rounds[0].jacobian
+    return _held_at_ends(case, case.last, jacobian, found.coordinates if found else ())
+
+
+def _held_at_ends(case: Case, at: Point, jacobian: Array, names: Sequence[Coordinate] = ()) -> int:
+    """How many tolerances stand at their ends, and would cost more than what counts as moved at all, were they nominal.
+
+    1/2 z^2 / C_zz nats. Beside an effect that does what they do, as a load and the moments of mass, they stand anywhere.
+
+    jacobian: (rows, z then ``names``).
+    """
+    count = len(at.z)
+    variances = np.diag(trusted(at, jacobian, count, [c.precision for c in names], 1.0))[:count]
+    return int(np.sum(case.ended(at) & (0.5 * at.z**2 / variances > NOTICED)))
 
 
 def in_words(wrong: Sequence[str], instead: Sequence[str] = ()) -> str:
@@ -145,7 +163,7 @@ def _fitted(number: Nuisance, case: Case, floor: float) -> Opened:
     ended = case.ended(point)
     spread = of_tolerances(point, jacobian, (), COLDEST, ended)[0, 0]
     away, within = ANYTHING * float(point.z[0]), ANYTHING * sqrt(float(spread))
-    return Opened(number, case, case.rest(point), away, within, int(ended.sum()))
+    return Opened(number, case, case.rest(point), away, within, _held_at_ends(case, point, jacobian))
 
 
 def _alone(case: Case) -> Point:

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from test_diagnosis import noisy, tz17
 
-from boom_diagnosis.freerun import Span, errors, typical
+from boom_diagnosis.freerun import Span, errors, noise_floor, typical
 from boom_estimation.free_run import FreeRun, Metrics
+from boom_model.errors import SimulationError
+from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS
 
 
@@ -29,3 +31,19 @@ def test_a_noise_floor_is_that_of_alike_draws_and_a_few_that_diverge_do_not_make
     assert typical(alike) == pytest.approx(np.mean(alike, axis=0))
     alike[:2] *= 1e6
     assert typical(alike) == pytest.approx(4.0 * np.median(alike, axis=0))
+
+
+def test_a_noise_floor_has_draws_left_where_one_leaves_the_range_of_the_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rod side ran empty in one of sixteen draws, and the report had no floor at all."""
+    made, whole, runs = noisy(tz17(), 3.0, 1), Plant.run, []
+
+    def run(*given: object, **options: object) -> object:
+        runs.append(given)
+        if len(runs) == 5:
+            raise SimulationError("at 2 s rod_pressure (p_b) left its range", 2.0, np.zeros(11))
+        return whole(*given, **options)  # type: ignore[arg-type]
+
+    alike = np.array(noise_floor(Span(made, 0.0, 3.0), tz17(), 0))
+    monkeypatch.setattr(Plant, "run", run)
+    floor = np.array(noise_floor(Span(made, 0.0, 3.0), tz17(), 0))
+    assert np.all(np.isfinite(floor)) and np.all(floor > 0.5 * alike) and np.all(floor < 2.1 * alike)

@@ -2,17 +2,21 @@
 
 from math import exp, log
 
+import numpy as np
 import pytest
 from test_diagnosis import noisy, tz17
 
 from boom_diagnosis import answer, wrong_number
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.case import Case, Opened, case_of
+from boom_diagnosis.coordinates import coordinates
+from boom_diagnosis.fitting import Point
 from boom_diagnosis.must_keep import by_free_runs
 from boom_diagnosis.nuisances import Nuisance, bore, known, tolerances
 from boom_diagnosis.run import diagnose
 from boom_diagnosis.wrong_number import in_words
 from boom_estimation.free_run import plant_for
+from boom_model.catalogue import EFFECTS
 from boom_model.machine_file import machine_from
 from boom_report.diagnosis.words import headline
 
@@ -84,6 +88,22 @@ def test_a_number_is_wrong_instead_of_an_effect_that_explains_all_where_it_strai
     case.opened = [opened("kinematics.b", 0.0, 0.14, strained=beside_it)]
     found = wrong_number._wrong(case, 0.012, strained=beside_the_effect)
     assert (found is not None) == wrong
+
+
+def test_a_tolerance_at_its_end_strains_nothing_beside_an_effect_that_does_the_same() -> None:
+    """A load of 220 kg was told as moments of mass that were all wrong by one factor: one of them stood at its end beside it."""
+    bag = prepare(noisy(tz17(), 3.0, 1), tz17())
+    assert bag is not None
+    case = case_of(tz17(), [bag], [], 0)
+    moment = next(k for k, n in enumerate(case.nuisances) if n.name == "pose.Sx")
+    z, (mass,) = np.zeros(len(case.nuisances)), coordinates(EFFECTS["payload"])
+    z[moment] = case.nuisances[moment].limits[1]
+    jacobian = np.zeros((4000, len(z) + 1))
+    jacobian[:, moment] = np.random.default_rng(0).standard_normal(4000)
+    jacobian[:, -1] = jacobian[:, moment] / 20.0  # as 20 kg
+    at = Point(z, {mass.name: 150.0}, np.zeros(4000), np.ones(4000, dtype=bool), 0.0, [], [])
+    assert wrong_number._held_at_ends(case, at, jacobian[:, :-1]) == 1
+    assert wrong_number._held_at_ends(case, at, jacobian, [mass]) == 0
 
 
 def test_a_length_that_is_wrong_may_be_outside_its_tolerance() -> None:
