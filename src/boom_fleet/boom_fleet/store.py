@@ -13,6 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from boom_fleet.scratch import scratch
+from boom_input.files import is_below
 from boom_input.whole import write_whole
 from boom_model.machine_file import shipped_machines
 
@@ -102,8 +103,8 @@ class FoundBag:
     machine_file: str
 
 
-def find_bags(folder: str) -> list[FoundBag]:
-    """Bags at any depth below a folder, in the order of their names.
+def find_bags(folder: str, results: str = "") -> list[FoundBag]:
+    """Bags at any depth below a folder, in the order of their names; those of the folder ``results``, which may lie below it, not.
 
     Raises:
         StoreError: there is no such folder, or no bag in it.
@@ -115,6 +116,8 @@ def find_bags(folder: str) -> list[FoundBag]:
         files = fs.find(root, detail=True)
     if not files:
         raise StoreError(f"{folder}: there is no such folder, or it is empty: give a folder of bags or a URL of one")
+    if results and _is_local(fs) and "://" not in results:
+        files = {path: info for path, info in files.items() if not is_below(path, results)}
     by_folder: dict[str, dict[str, Any]] = {}
     for path, info in files.items():
         place = PurePosixPath(path)

@@ -64,6 +64,14 @@ def test_a_machine_that_a_recording_names_is_never_opened_as_a_path(tmp_path, mo
     assert "'evil.yaml' is not shipped" in screen_one(Task(bag), None).columns["failure"]
 
 
+def test_bags_below_the_folder_of_the_results_are_no_recordings_of_the_fleet(tmp_path):
+    for place in ("crane/day", "results/crane/next_experiment"):
+        (tmp_path / place).mkdir(parents=True)
+        (tmp_path / place / "bag.mcap").write_bytes(b"\x89MCAP0\r\n")
+    assert [bag.recording for bag in find_bags(str(tmp_path), str(tmp_path / "results"))] == ["day"]
+    assert len(find_bags(str(tmp_path), str(tmp_path / "elsewhere"))) == 2
+
+
 def test_a_fault_of_a_bag_in_a_store_names_its_url_and_not_the_copy(tmp_path):
     fsspec.filesystem("memory").pipe_file("/fleet/crane/cut.mcap", b"\x89MCAP0\r\n")
     (bag,) = find_bags("memory://fleet")

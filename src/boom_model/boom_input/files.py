@@ -69,3 +69,8 @@ def read_text(path: str | Path, limit: int = TEXT_LIMIT) -> str:
         return read_bytes(path, limit).decode("utf-8")
     except UnicodeDecodeError:
         raise InputError(f"{path}: cannot be read: not a text file (UTF-8)") from None
+
+
+def is_below(path: str, folder: str) -> bool:
+    """Whether a local path is a folder or lies below it."""
+    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))

@@ -26,6 +26,7 @@ from boom_bringup.arguments import command_line, positive
 from boom_bringup.cli import UsageError
 from boom_bringup.outputs import checked, held
 from boom_bringup.showing import progress
+from boom_input.files import is_below
 from boom_model.cores import usable_cores
 
 if TYPE_CHECKING:
@@ -77,6 +78,10 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--workers {args.workers}: give 1 or more")
     if any(os.path.realpath(folder) == os.path.realpath(args.output) for folder in args.folders):
         raise UsageError(f"--output {args.output}: the recordings lie there: give another folder")
+    if args.publish and _among_recordings(args.publish, args):
+        raise UsageError(
+            f"--publish {args.publish}: the next run would take it for a recording: give a folder elsewhere"
+        )
     if args.publish and os.path.lexists(args.publish):
         raise UsageError(f"{args.publish} exists already: give another --publish, nothing is overwritten")
     if args.machine and "://" not in args.machine:
@@ -107,13 +112,18 @@ def run(args: argparse.Namespace) -> int:
     return status
 
 
+def _among_recordings(path: str, args: argparse.Namespace) -> bool:
+    """Whether the next run would find a bag here."""
+    return any(is_below(path, f) for f in args.folders if "://" not in f) and not is_below(path, args.output)
+
+
 def _tasks(args: argparse.Namespace) -> list[Task]:
     """The recordings with their machine files."""
     from boom_fleet.run import tasks_of
     from boom_fleet.store import find_bags, machine_table, read_file
 
     files = machine_table(args.machines) if args.machines else {}
-    bags = list({bag.key: bag for folder in args.folders for bag in find_bags(folder)}.values())
+    bags = list({bag.key: bag for folder in args.folders for bag in find_bags(folder, args.output)}.values())
     unused = sorted(set(files) - {bag.machine for bag in bags})
     if unused:
         print(f"boom: {args.machines} names machines without a recording: {', '.join(unused)}", file=sys.stderr)
