@@ -181,7 +181,18 @@ def test_every_kind_of_page_is_drawn_fits_a_phone_and_can_be_printed(result, bro
 
 
 def test_every_effect_of_the_catalogue_has_words_of_its_own():
-    assert len({what_it_is(effect) for effect in EFFECTS}) == len(EFFECTS)
+    told = [what_it_is(cases.lag_finding(effect=effect, parameters={})) for effect in EFFECTS]
+    assert len(set(told)) == len(EFFECTS)
+
+
+def test_a_load_that_is_less_than_what_is_told_is_not_an_unknown_one_that_hangs_there():
+    mass = {"mass": Estimate(-132.0, "kg", (-154.0, -110.0))}
+    lighter = cases.lag_finding(effect="payload", subsystem="load", parameters=mass)
+    assert "the load at the boom tip is lighter than the configuration tells: mass = \N{MINUS SIGN}132 kg" in statement(
+        lighter
+    )
+    heavier = replace(lighter, parameters={"mass": Estimate(132.0, "kg", (110.0, 154.0))})
+    assert "an unknown load hangs at the boom tip: mass = 132 kg" in statement(heavier)
 
 
 def test_the_page_loads_nothing_and_cannot_be_broken_by_a_name():

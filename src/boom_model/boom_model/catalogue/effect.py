@@ -134,6 +134,7 @@ class Effect:
         equation: equation of the thesis that the term changes.
         term: what is added, in symbols.
         says: subject and predicate of the sentence that states it in a report.
+        says_less: the same where its first number is below nothing; None: as ``says``.
         regime: when it shows.
         parameters: its numbers.
         terms: quantity of the equations (``QUANTITIES``) -> what the effect makes of it. May be empty for a delay.
@@ -196,6 +197,7 @@ class Effect:
     foreign: bool = False
     plainest: Callable[[Mapping[str, float]], dict[str, float]] | None = None
     reach: float = 0.0
+    says_less: tuple[str, str] | None = None
 
     def __post_init__(self) -> None:
         """Raises ValueError for a quantity that the equations do not have: its term would never act."""

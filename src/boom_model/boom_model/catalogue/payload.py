@@ -9,4 +9,5 @@ EFFECT = Effect(
                starts=(100.0, 400.0, 1200.0)),),  # where it rests against the weight decides what is seen of it
     {"load_mass": lambda mass, own, at: mass + own.mass},
     place=1, changes=("pose.Sx", "pose.Sy", "pose.load"), load=True,
+    says_less=("the load at the boom tip", "is lighter than the configuration tells"),
 )  # fmt: skip

@@ -48,9 +48,12 @@ _SURE = (
 _MINUS = "\N{MINUS SIGN}"
 
 
-def what_it_is(effect: str) -> tuple[str, str]:
-    """Subject and predicate of the sentence that states an effect."""
-    return EFFECTS[effect].says
+def what_it_is(finding: Finding) -> tuple[str, str]:
+    """Subject and predicate of the sentence that states the effect of a finding, or the one that unknown physics is like."""
+    effect = EFFECTS[finding.effect or finding.like or ""]
+    first = finding.parameters.get(effect.parameters[0].name)
+    less = first is not None and first.value < effect.parameters[0].neutral
+    return effect.says_less if effect.says_less and less else effect.says
 
 
 def is_sure(confidence: float) -> str:
@@ -213,7 +216,7 @@ def statement(finding: Finding, kind: str = "identified", parameters_only: float
         adjective = next(word for least, _, word in _SURE if finding.confidence >= least)
         said = ""
         if finding.like:
-            said = f": {' '.join(what_it_is(finding.like))}, {numbers}"
+            said = f": {' '.join(what_it_is(finding))}, {numbers}"
         return (
             f"Unmodelled physics acts on the {subsystem} (equation {finding.equation}){said}{where}; this is "
             f"{adjective} (confidence {p})."
@@ -228,7 +231,7 @@ def statement(finding: Finding, kind: str = "identified", parameters_only: float
         return f"It cannot be told apart from these recordings: {either}{where}. The first has a confidence of {p}."
     if finding.effect not in EFFECTS:
         return f"{sure.capitalize()} the {subsystem}: {finding.effect}{f', {numbers}' if numbers else ''} (confidence {p})."
-    subject, does = what_it_is(finding.effect)
+    subject, does = what_it_is(finding)
     return f"{sure.capitalize()} {subject} {does}{f': {numbers}' if numbers else ''}{where} (confidence {p})."
 
 
