@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -39,7 +39,7 @@ class Opened:
     """A number of the machine file as if nothing were known of it, fitted with tolerances alone.
 
     rest: loss per innovation over that of a healthy machine. away: logarithm of the number over the file's; within: standard
-    deviation of that. strained: tolerances that stand at their ends beside it.
+    deviation of that. strain: nats by which tolerances are strained beside it.
     """
 
     number: Nuisance
@@ -47,7 +47,7 @@ class Opened:
     rest: float
     away: float
     within: float
-    strained: int = 0
+    strain: Callable[[], float] = lambda: 0.0
 
 
 @dataclass

@@ -15,21 +15,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from math import exp, hypot, inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from boom_diagnosis.case import Case, Opened
 from boom_diagnosis.coordinates import Coordinate
-from boom_diagnosis.fitting import Point
-from boom_diagnosis.hypotheses import LOOSENESS, NOTICED, Fits
+from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.hypotheses import LOOSENESS, Fits, noticed
 from boom_diagnosis.nuisances import LARGEST_Z, ROD_SIDE, TWINS, Nuisance, bore, known, masses
 from boom_diagnosis.parallel import in_parallel
 from boom_diagnosis.search import Scanner
-from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, TOO_SMALL, Z90, of_tolerances, trusted
-
-Array = NDArray[np.float64]
+from boom_diagnosis.weighing import COLDEST, NEGLIGIBLE, TOO_SMALL, Z90, of_tolerances
 
 ANYTHING = 0.4
 """Standard deviation of the logarithm of a number of which nothing is known: off by a factor of 1.5, and up to one of five."""
@@ -45,10 +43,12 @@ NEARLY_ALL = 0.1
 def with_wrong_number(case: Case) -> Case | None:
     """The case from its beginning with the number free that is wrong in the machine file; None where none explains enough."""
     left = case.rest(case.last)
-    if case.learned or case.wrong or (left < NEGLIGIBLE and not _laboured(case)):
+    if case.learned or case.wrong:
         return None
-    most = min(left, max(NEGLIGIBLE, NEARLY_ALL * case.rest(case.kept(0))))
-    return _wrong(case, left + TOO_SMALL, strained=_ended(case)) if left < NEGLIGIBLE else _wrong(case, most)
+    if left < NEGLIGIBLE:
+        strained = _laboured(case)
+        return _wrong(case, left + TOO_SMALL, strained=strained) if strained else None
+    return _wrong(case, min(left, max(NEGLIGIBLE, NEARLY_ALL * case.rest(case.kept(0)))))
 
 
 def with_number_that_explains_all(case: Case) -> Case | None:
@@ -59,14 +59,15 @@ def with_number_that_explains_all(case: Case) -> Case | None:
 def _wrong(case: Case, most: float, *, strained: float = inf) -> Case | None:
     """The case with the number that leaves less than ``most`` and is off by less than others that leave no more.
 
-    strained: more tolerances than beside it must stand at their ends.
+    strained: nats by which it must strain tolerances less.
     """
     if case.opened is None:
         numbers = (*case.nuisances, *known(case.machine, case.pose))
         every = replace(case, nuisances=(*numbers, *masses(numbers), *bore(numbers)))
         tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(case, every)]
         case.opened = in_parallel(lambda pair: _fitted(*pair, case.floor), tried)
-    able = [o for o in case.opened if o.rest < most and _wrong_for_sure(o) and o.strained < strained]
+    able = [o for o in case.opened if o.rest < most and _wrong_for_sure(o)]
+    able = [o for o in able if strained == inf or o.strain() < strained]
     if not able:
         return None
     least = min(o.rest for o in able)
@@ -82,28 +83,25 @@ def _wrong_for_sure(opened: Opened) -> bool:
     return abs(opened.away) > reach and abs(opened.away) > Z90 * hypot(opened.within, opened.number.sigma)
 
 
-def _laboured(case: Case) -> bool:
-    """Whether effects explain all, but with tolerances at their ends beside them."""
-    return bool(case.taken) and _ended(case) > 0
+def _laboured(case: Case) -> float:
+    """Nats by which effects that explain all strain tolerances beside them; 0 where these may as well be nominal."""
+    nats = _strain(case, case.last, case.taken[-1].fitted.coordinates) if case.taken else 0.0
+    return nats if noticed(nats, int(case.ended(case.last).sum())) else 0.0
 
 
-def _ended(case: Case) -> int:
-    """How many tolerances the recordings hold at their ends."""
-    found = case.taken[-1].fitted if case.taken else None
-    jacobian = found.jacobian if found else case.rounds[0].jacobian
-    return _held_at_ends(case, case.last, jacobian, found.coordinates if found else ())
+def _strain(case: Case, at: Point, names: Sequence[Coordinate] = ()) -> float:
+    """Nats that it costs to hold the tolerances nominal that stand at their ends, all others and ``names`` fitted beside them.
 
-
-def _held_at_ends(case: Case, at: Point, jacobian: Array, names: Sequence[Coordinate] = ()) -> int:
-    """How many tolerances stand at their ends, and would cost more than what counts as moved at all, were they nominal.
-
-    1/2 z^2 / C_zz nats. Beside an effect that does what they do, as a load and the moments of mass, they stand anywhere.
-
-    jacobian: (rows, z then ``names``).
+    Beside an effect that does what they do, as a load and the moments of mass, they stand anywhere.
     """
-    count = len(at.z)
-    variances = np.diag(trusted(at, jacobian, count, [c.precision for c in names], 1.0))[:count]
-    return int(np.sum(case.ended(at) & (0.5 * at.z**2 / variances > NOTICED)))
+    kept = np.flatnonzero(~case.ended(at))
+    if len(kept) == len(at.z):
+        return 0.0
+    p = case.problem(at.z, at.effects, LOOSENESS[0])
+    held = Problem(p.predictor, [case.nuisances[k] for k in kept], p.select)
+    fits = Fits(case.machine, case.bags, case.select, case.nuisances)
+    free, nominal = (fits.fit(problem, z, at.effects, names)[0].loss for problem, z in ((p, at.z), (held, at.z[kept])))
+    return max(0.0, nominal - free)
 
 
 def in_words(wrong: Sequence[str], instead: Sequence[str] = ()) -> str:
@@ -163,7 +161,7 @@ def _fitted(number: Nuisance, case: Case, floor: float) -> Opened:
     ended = case.ended(point)
     spread = of_tolerances(point, jacobian, (), COLDEST, ended)[0, 0]
     away, within = ANYTHING * float(point.z[0]), ANYTHING * sqrt(float(spread))
-    return Opened(number, case, case.rest(point), away, within, _held_at_ends(case, point, jacobian))
+    return Opened(number, case, case.rest(point), away, within, partial(_strain, case, point))
 
 
 def _alone(case: Case) -> Point:
