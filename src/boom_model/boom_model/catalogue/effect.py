@@ -212,9 +212,9 @@ class Effect:
 
     @property
     def sizes(self) -> tuple[EffectParameter, ...]:
-        """How much of it there is: the leading parameters, and each mass of a load in steps."""
-        masses = {mass for mass, _ in self.steps}
-        return tuple(row for row in self.parameters if row in self.leading or row.name in masses)
+        """How much of it there is: the leading parameters, each mass of a load in steps, each factor of numbers that are off."""
+        also = {mass for mass, _ in self.steps} | {row.name for row in self.parameters if row.acts and self.changes}
+        return tuple(row for row in self.parameters if row in self.leading or row.name in also)
 
     @property
     def lacking(self) -> str:
