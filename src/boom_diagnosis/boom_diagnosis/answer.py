@@ -164,7 +164,10 @@ def assemble(
     if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
         fit = doubted_by_numbers(case, spans, fit)
     plain = case.learned if learned else None
-    if verdict == "unknown_physics" and not (findings and findings[0].like and findings[0].confidence >= unknown):
+    findings = _as_its_form(findings, odds, tight, verdict)
+    if verdict == "unknown_physics" and not (
+        findings and findings[0].like and findings[0].confidence >= min(unknown, odds.unknown)
+    ):
         rest_equations = equations
         findings = [_unknown_finding(case, odds, cells, tight, rest_equations, plain, fit), *findings]
     if verdict == "no_mismatch":
@@ -389,6 +392,14 @@ def _findings(case: Case, odds: Odds, cells: list[NDArray[np.int64]]) -> list[Fi
 def _evidence(w: Weighed, term: str, where: str) -> str:
     others = f"its log-likelihood rises by {w.gain:.0f} nats on the data fitted and by {w.held_out_gain:.0f} on data not used"
     return f"With {term} in the model {others}; no change of parameters within their tolerances does that; it shows {where}."
+
+
+def _as_its_form(findings: list[Finding], odds: Odds, tight: _Tight, verdict: Verdict) -> list[Finding]:
+    """What is left of something foreign that explains more than it leaves is its form, rather than one thing more."""
+    most = bool(findings and findings[0].like) and tight.excess_after < tight.filed - tight.excess_after
+    if verdict != "unknown_physics" or not most:
+        return findings
+    return [replace(findings[0], confidence=max(findings[0].confidence, odds.unknown)), *findings[1:]]
 
 
 def _unknown_finding(

@@ -15,7 +15,7 @@ from boom_diagnosis import odds as weighing_of
 from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
-from boom_diagnosis.document import Fit
+from boom_diagnosis.document import Finding, Fit
 from boom_diagnosis.hypotheses import Round
 
 OFF = Fit({}, {"parameters_only": (0.1,) * 4}, (0.01,) * 4, ("b",))
@@ -217,6 +217,15 @@ def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
     }
     assert ranked["payload"] == 0.0 and finding.confidence == ranked["unknown"] == 0.876
     assert sum(ranked.values()) == pytest.approx(1.0, abs=2e-4)
+
+
+@pytest.mark.parametrize(("left", "first"), [(0.1, 0.99), (0.6, 0.2)])
+def test_what_is_left_of_something_foreign_that_explains_most_is_its_form(left: float, first: float) -> None:
+    """A boom on soft soil, 4 % to 0.3 % of the angle, was unknown physics of the friction for the rest, and contact second."""
+    ground = Finding(None, "load", "5.39a", 0.2, {}, "", (), (), "", like="ground_contact")
+    odds, tight = weighing_of.Odds(0.99, (), 0.01), SimpleNamespace(filed=1.0, excess_after=left)
+    assert answer._as_its_form([ground], odds, tight, "unknown_physics")[0].confidence == first  # type: ignore[arg-type]
+    assert answer._as_its_form([ground], odds, tight, "identified") == [ground]  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -34,6 +34,14 @@ def test_an_effect_is_told_where_an_interval_leaves_out_that_it_does_nothing(
     assert told("valve_hysteresis", numbers, sound=True) is from_sound
 
 
+def test_gas_that_one_accumulator_lost_is_told_by_the_factor_of_its_own() -> None:
+    """Half of the second one's gas was given up after the search: the factor of both was 1, and the second's did not count."""
+    both = Estimate(0.999, "-", (0.9945, 1.0035))
+    assert told("accumulator_precharge", {"r": both, "r_2": Estimate(0.495, "-", (0.451, 0.543))})
+    assert not told("accumulator_precharge", {"r": both, "r_2": Estimate(0.97, "-", (0.9, 1.05))})
+    assert not told("friction_drift", {"r": Estimate(1.0, "-", (0.9, 1.1)), "r_0": Estimate(2.0, "-", (1.9, 2.1))})
+
+
 @pytest.mark.parametrize(("interval", "expected"), [((6e-8, 3.5e-5), False), ((2e-7, 3.5e-5), True)])
 def test_a_size_sought_by_its_logarithm_is_told_where_its_interval_leaves_out_some_of_what_is_plausible(
     interval: tuple[float, float], expected: bool
