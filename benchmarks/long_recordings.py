@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -33,15 +34,36 @@ HIDDEN = {"healthy": {}, "load": {"extra_load": 220.0}, "valve_lag": {"poppet_fr
 POSE = Posture(0.6, 1.5, 0.0)
 PROMISED = {20: (240.0, 1.5), 60: (600.0, 2.0)}
 """Minutes of recording -> seconds and GB."""
+PART, PAUSE = 20.0, 10.0
+"""Minutes; seconds."""
 ATTEMPTS = 20
 
 
 def made(minutes: float, changes: dict[str, float], seed: int) -> Recording:
-    """A recording of an operator who drives the boom.
+    """A recording of an operator who drives the boom, in parts of ``PART`` minutes with a pause of the logger between.
 
     Raises:
         RunError: the crane left its range, however it was driven.
     """
+    count = max(1, round(minutes / PART))
+    parts = [driven(minutes / count, changes, seed + k) for k in range(count)]
+    first = parts[0]
+    for k, part in enumerate(parts[1:], start=1):
+        later = k * round(1e9 * (60.0 * minutes / count + PAUSE))
+        for name, signal in first.signals.items():
+            other = part.signals[name]
+            first.signals[name] = replace(
+                signal,
+                stamps_ns=np.concatenate([signal.stamps_ns, other.stamps_ns - part.start_ns + first.start_ns + later]),
+                time=np.concatenate([signal.time, other.time + later / 1e9]),
+                values=np.concatenate([signal.values, other.values]),
+                valid=np.concatenate([signal.valid, other.valid]),
+            )
+    return replace(first, duration=parts[-1].duration + (count - 1) * (60.0 * minutes / count + PAUSE))
+
+
+def driven(minutes: float, changes: dict[str, float], seed: int) -> Recording:
+    """One part of it."""
     file = MachineFile.read(str(files("boom_model").joinpath("machines", "tz17.yaml")))
     numbers, table = quantities(file, POSE)._replace(**changes), linkage(file)
     for attempt in range(ATTEMPTS):
