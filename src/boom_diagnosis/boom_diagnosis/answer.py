@@ -41,7 +41,7 @@ from boom_diagnosis.must_keep import (
     worse_channels,
     worse_on_the_whole,
 )
-from boom_diagnosis.nuisances import CLOCKS
+from boom_diagnosis.nuisances import CLOCKS, TWIN_Z
 from boom_diagnosis.odds import (
     UNTOLD,
     Odds,
@@ -88,7 +88,7 @@ Array = NDArray[np.float64]
 
 LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
-AT_THE_END = " stand at the end of their tolerance"
+AT_THE_END, BEYOND = " stand at the end of their tolerance", " beyond their tolerance"
 """What a note says of numbers."""
 DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
@@ -502,12 +502,21 @@ def _subsystems(ranked: Sequence[RankingRow], findings: Sequence[Finding]) -> di
 
 
 def _said_of_limits(case: Case, verdict: Verdict, moved: Mapping[str, Estimate]) -> list[str]:
-    ended = [n.label or n.name for n, z in zip(case.nuisances, case.last.z, strict=True) if n.ended(float(z))]
-    if not (ended and moved):
+    """Which numbers are off by more than the file allows, those at the end of what a fit may move apart."""
+    rows = [(n.label or n.name, n, float(z)) for n, z in zip(case.nuisances, case.last.z, strict=True)]
+    ended = [name for name, n, z in rows if n.ended(z)]
+    beyond = [
+        name for name, n, z in rows if abs(z) > TWIN_Z and not (n.tail or n.ended(z) or n.components == case.wrong)
+    ]
+    if not moved:
         return []
     explained = case.taken or case.wrong or verdict == "parameters_only"
     means = "which speaks against the explanation" if explained else "as they make up for what is missing"
-    return [f"{len(ended)} of {len(case.nuisances)} numbers{AT_THE_END}, {means}: {', '.join(ended)}"]
+    count = len(case.nuisances)
+    return [
+        *([f"{len(ended)} of {count} numbers{AT_THE_END}, {means}: {', '.join(ended)}"] if ended else []),
+        *([f"{len(beyond)} of {count} numbers{BEYOND}: {', '.join(beyond)}: look these up"] if beyond else []),
+    ]
 
 
 def _said_of_wrong(case: Case, moved: Mapping[str, Estimate]) -> list[str]:

@@ -135,6 +135,15 @@ def test_the_physics_is_not_taken_for_right_while_numbers_stand_at_the_end_of_th
     )
 
 
+def test_numbers_that_are_off_by_more_than_the_file_allows_are_not_within_their_tolerance():
+    """An edge that was typed 29 % too small was told as 15 % and "within", where the file allows 10 %."""
+    made = cases.changed("parameters_only", ())
+    assert headline(made).startswith("Parameters within their tolerance explain")
+    beyond = "1 of 54 numbers beyond their tolerance: main_valve_orifices.A_tb_max: look these up"
+    said = headline(replace(made, notes=(*made.notes, beyond)))
+    assert "within" not in said and ", 1 of 54 numbers beyond their tolerance: the physics is" in said
+
+
 @pytest.mark.parametrize(
     ("result", "said"),
     [

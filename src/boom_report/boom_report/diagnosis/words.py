@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from boom_diagnosis.answer import AT_THE_END
+from boom_diagnosis.answer import AT_THE_END, BEYOND
 from boom_diagnosis.assumptions import NEAR_FLOOR, SURE
 from boom_diagnosis.document import DiagnosisResult, Estimate, Finding, Fit
 from boom_diagnosis.must_keep import far_channels
@@ -157,6 +157,28 @@ def best_channel(fit: Fit) -> tuple[str, float, float] | None:
     return sensor.label, n, e
 
 
+def _by_parameters(result: DiagnosisResult) -> str:
+    """The headline where numbers of the machine file explain the difference."""
+    used = result.tolerances_used
+    moved = ", ".join([name for name in used if name not in result.wrong][:3])
+    if result.wrong:
+        also = f", and parameters within their tolerance ({moved})" if moved else ""
+        size = shown(used[result.wrong[0]]).text
+        return f"{in_words(result.wrong, result.or_wrong)}: {size}. That explains the difference{also}: the physics is right."
+    these = f" ({moved})" if moved else ""
+    if ended := next((note.split(AT_THE_END)[0] for note in result.notes if AT_THE_END in note), ""):
+        return (
+            f"Parameters explain the difference{these}, but {ended}{AT_THE_END}: look these up before the physics is taken for "
+            "right."
+        )
+    beyond = next((note.split(BEYOND)[0] for note in result.notes if BEYOND in note), "")
+    said = f"Parameters within their tolerance explain the difference{these}: the physics is"
+    if beyond:
+        said = f"Parameters explain the difference{these}, {beyond}{BEYOND}: the physics is"
+    p = max((row.probability for row in result.document.ranking if row.kind == "parameters"), default=1.0)
+    return f"{said} right." if p >= SURE else f"{said} {is_sure(p)} right (confidence {probability(p)})."
+
+
 def headline(result: DiagnosisResult) -> str:
     """One sentence with number, interval and confidence, worded as carefully as the confidence asks."""
     document = result.document
@@ -175,21 +197,7 @@ def headline(result: DiagnosisResult) -> str:
         alike = [f"{row.label} {row.probability:.2f}" for row in document.ranking if row.probability >= RIVAL]
         return f"None of what could explain the difference stands out: {', '.join(alike)}."
     if not document.findings:
-        used = result.tolerances_used
-        moved = ", ".join([name for name in used if name not in result.wrong][:3])
-        if result.wrong:
-            also = f", and parameters within their tolerance ({moved})" if moved else ""
-            size = shown(used[result.wrong[0]]).text
-            return f"{in_words(result.wrong, result.or_wrong)}: {size}. That explains the difference{also}: the physics is right."
-        these = f" ({moved})" if moved else ""
-        if ended := next((note.split(AT_THE_END)[0] for note in result.notes if AT_THE_END in note), ""):
-            return (
-                f"Parameters explain the difference{these}, but {ended}{AT_THE_END}: look these up before the physics is taken for "
-                "right."
-            )
-        said = f"Parameters within their tolerance explain the difference{these}: the physics is"
-        p = max((row.probability for row in document.ranking if row.kind == "parameters"), default=1.0)
-        return f"{said} right." if p >= SURE else f"{said} {is_sure(p)} right (confidence {probability(p)})."
+        return _by_parameters(result)
     first = document.findings[0]
     more = len(document.findings) - 1
     also = f" {_count(more)} further {'finding' if more == 1 else 'findings'} below." if more else ""
