@@ -502,21 +502,19 @@ def _subsystems(ranked: Sequence[RankingRow], findings: Sequence[Finding]) -> di
 
 
 def _said_of_limits(case: Case, verdict: Verdict, moved: Mapping[str, Estimate]) -> list[str]:
-    """Which numbers are off by more than the file allows, those at the end of what a fit may move apart."""
+    """Which numbers stand at the end of what a fit may move; of parameters alone also which the file does not allow so far off."""
     rows = [(n.label or n.name, n, float(z)) for n, z in zip(case.nuisances, case.last.z, strict=True)]
     ended = [name for name, n, z in rows if n.ended(z)]
-    beyond = [
-        name for name, n, z in rows if abs(z) > TWIN_Z and not (n.tail or n.ended(z) or n.components == case.wrong)
-    ]
-    if not moved:
-        return []
+    beyond = [n for _, n, z in rows if abs(z) > TWIN_Z and not (n.tail or n.ended(z) or n.components == case.wrong)]
     explained = case.taken or case.wrong or verdict == "parameters_only"
     means = "which speaks against the explanation" if explained else "as they make up for what is missing"
-    count = len(case.nuisances)
-    return [
-        *([f"{len(ended)} of {count} numbers{AT_THE_END}, {means}: {', '.join(ended)}"] if ended else []),
-        *([f"{len(beyond)} of {count} numbers{BEYOND}: {', '.join(beyond)}: look these up"] if beyond else []),
-    ]
+    said, count = [], len(case.nuisances)
+    if ended and moved:
+        said.append(f"{len(ended)} of {count} numbers{AT_THE_END}, {means}: {', '.join(ended)}")
+    if beyond and verdict == "parameters_only":
+        named = ", ".join(n.label or n.name for n in beyond)
+        said.append(f"{len(beyond)} of {count} numbers{BEYOND}: {named}: look these up")
+    return said
 
 
 def _said_of_wrong(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
