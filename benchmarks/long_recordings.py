@@ -19,6 +19,7 @@ import tempfile
 import time
 from dataclasses import replace
 from importlib.resources import files
+from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -40,13 +41,13 @@ ATTEMPTS = 20
 
 
 def made(minutes: float, changes: dict[str, float], seed: int) -> Recording:
-    """A recording of an operator who drives the boom, in parts of ``PART`` minutes with a pause of the logger between.
+    """A recording of an operator who drives the boom, in parts of up to ``PART`` minutes with a pause of the logger between.
 
     Raises:
         RunError: the crane left its range, however it was driven.
     """
-    count = max(1, round(minutes / PART))
-    parts = [driven(minutes / count, changes, seed + k) for k in range(count)]
+    count = ceil(minutes / PART)
+    parts = [driven(minutes / count, changes, [seed, k]) for k in range(count)]
     first = parts[0]
     for k, part in enumerate(parts[1:], start=1):
         later = k * round(1e9 * (60.0 * minutes / count + PAUSE))
@@ -62,12 +63,12 @@ def made(minutes: float, changes: dict[str, float], seed: int) -> Recording:
     return replace(first, duration=parts[-1].duration + (count - 1) * (60.0 * minutes / count + PAUSE))
 
 
-def driven(minutes: float, changes: dict[str, float], seed: int) -> Recording:
+def driven(minutes: float, changes: dict[str, float], seed: list[int]) -> Recording:
     """One part of it."""
     file = MachineFile.read(str(files("boom_model").joinpath("machines", "tz17.yaml")))
     numbers, table = quantities(file, POSE)._replace(**changes), linkage(file)
     for attempt in range(ATTEMPTS):
-        rng = np.random.default_rng([seed, attempt])
+        rng = np.random.default_rng([*seed, attempt])
         start = InitialValues(float(rng.uniform(0.3, 0.6)))
         try:
             currents, _ = Operator(numbers, table, rng, Courses()).drive(60.0 * minutes, start.angle)
@@ -81,11 +82,11 @@ def driven(minutes: float, changes: dict[str, float], seed: int) -> Recording:
 
 
 def diagnosed(bag: Path, output: Path) -> tuple[int, float, float]:
-    """Exit status of `./boom diagnose`, its time [s] and the most memory that it held at once [GB]."""
+    """Exit status of `./boom diagnose`, its time [s] and the most memory that it held at once, compilers apart [GB]."""
     begin = time.perf_counter()
     child = subprocess.Popen([sys.executable, "-m", "boom_bringup.cli", "diagnose", str(bag), "--output", str(output)])
     _, status, used = os.wait4(child.pid, 0)
-    return os.waitstatus_to_exitcode(status), time.perf_counter() - begin, used.ru_maxrss / 1e6
+    return os.waitstatus_to_exitcode(status), time.perf_counter() - begin, 1024 * used.ru_maxrss / 1e9
 
 
 def main() -> int:

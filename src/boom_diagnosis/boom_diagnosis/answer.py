@@ -41,10 +41,11 @@ from boom_diagnosis.must_keep import (
     worse_channels,
     worse_on_the_whole,
 )
-from boom_diagnosis.nuisances import CLOCKS, TWIN_Z
+from boom_diagnosis.nuisances import CLOCKS
 from boom_diagnosis.odds import (
     UNTOLD,
     Odds,
+    as_its_form,
     final_numbers,
     hypothesis_rows,
     is_told,
@@ -88,7 +89,7 @@ Array = NDArray[np.float64]
 
 LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
-AT_THE_END, BEYOND = " stand at the end of their tolerance", " beyond their tolerance"
+AT_THE_END, BEYOND = " stand at the end of their tolerance", " are beyond their tolerance"
 """What a note says of numbers."""
 DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
@@ -134,7 +135,9 @@ def assemble(
         unknown = UNTOLD
     floor = median(floors)
     unproved_by = worse_channels(driven, floor) or far_channels(driven, floor, FAR_FROM_FLOOR) if case.taken else []
-    odds = odds_of(case, unknown, proved=not unproved_by, spared=spared, far=far(driven, floor))
+    odds = as_its_form(
+        case, odds_of(case, unknown, proved=not unproved_by, spared=spared, far=far(driven, floor)), unproved_by
+    )
     unseen = bool(case.taken) and (_unseen(tight, driven, floor) or _nothing_told(case, driven, floor))
     if unseen or (case.taken and spared > max(odds.effects[0].values())):
         case.disproved += case.taken[:1] if unseen else []
@@ -164,7 +167,6 @@ def assemble(
     if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
         fit = doubted_by_numbers(case, spans, fit)
     plain = case.learned if learned else None
-    findings = _as_its_form(findings, odds, tight, verdict)
     if verdict == "unknown_physics" and not (
         findings and findings[0].like and findings[0].confidence >= min(unknown, odds.unknown)
     ):
@@ -394,14 +396,6 @@ def _evidence(w: Weighed, term: str, where: str) -> str:
     return f"With {term} in the model {others}; no change of parameters within their tolerances does that; it shows {where}."
 
 
-def _as_its_form(findings: list[Finding], odds: Odds, tight: _Tight, verdict: Verdict) -> list[Finding]:
-    """What is left of something foreign that explains more than it leaves is its form, rather than one thing more."""
-    most = bool(findings and findings[0].like) and tight.excess_after < tight.filed - tight.excess_after
-    if verdict != "unknown_physics" or not most:
-        return findings
-    return [replace(findings[0], confidence=max(findings[0].confidence, odds.unknown)), *findings[1:]]
-
-
 def _unknown_finding(
     case: Case, odds: Odds, cells: list[NDArray[np.int64]], tight: _Tight, equations: Sequence[EquationEvidence],
     learned: Learned | None, fit: Fit,
@@ -505,15 +499,14 @@ def _said_of_limits(case: Case, verdict: Verdict, moved: Mapping[str, Estimate])
     """Which numbers stand at the end of what a fit may move; of parameters alone also which the file does not allow so far off."""
     rows = [(n.label or n.name, n, float(z)) for n, z in zip(case.nuisances, case.last.z, strict=True)]
     ended = [name for name, n, z in rows if n.ended(z)]
-    beyond = [n for _, n, z in rows if abs(z) > TWIN_Z and not (n.tail or n.ended(z) or n.components == case.wrong)]
+    beyond = [name for name, n, z in rows if n.beyond(z) and not (n.ended(z) or n.components == case.wrong)]
     explained = case.taken or case.wrong or verdict == "parameters_only"
     means = "which speaks against the explanation" if explained else "as they make up for what is missing"
     said, count = [], len(case.nuisances)
     if ended and moved:
         said.append(f"{len(ended)} of {count} numbers{AT_THE_END}, {means}: {', '.join(ended)}")
     if beyond and verdict == "parameters_only":
-        named = ", ".join(n.label or n.name for n in beyond)
-        said.append(f"{len(beyond)} of {count} numbers{BEYOND}: {named}: look these up")
+        said.append(f"{len(beyond)} of {count} numbers{BEYOND}, look these up: {', '.join(beyond)}")
     return said
 
 

@@ -99,7 +99,8 @@ def noise_floor(span: Span, machine: Machine, seed: int) -> Errors:
     """The errors that the sensors' noise and that of the currents would leave if the model were exactly right.
 
     Root mean square of ``DRAWS``: the angle's, in which the currents' noise adds up, differs from one to the next threefold. Where
-    a few diverge, as a valve that chatters makes them, it is at most twice the median: they say nothing of the others.
+    a few diverge, as a valve that chatters makes them, it is at most twice the median: they say nothing of the others. Nor do those
+    that leave the model's range; unknown where more than half do.
     """
     recording = span.recording
     plant = plant_for(recording, machine, "full")

@@ -112,7 +112,15 @@ class Nuisance:
         tolerance.
         """
         twin = (self.name in ALIKE and not self.tail) or self.difference
-        most = TWIN_Z if twin else LARGEST_Z
+        return self._straight(TWIN_Z if twin else LARGEST_Z)
+
+    def beyond(self, z: float) -> bool:
+        """Whether z lies outside the tolerance of the file; a guess is nobody's."""
+        low, high = self._straight(TWIN_Z)
+        return not (self.tail or low <= z <= high)
+
+    def _straight(self, most: float) -> tuple[float, float]:
+        """Least and largest z, ``most`` standard deviations to either side of a number, counted straight."""
         if self.shift or self.tail or self.factor:
             return -most, most
         return log(max(LEAST_SHARE, 1.0 - most * self.sigma)) / self.sigma, log(1.0 + most * self.sigma) / self.sigma

@@ -76,6 +76,22 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 
     return Odds(round(stated, 4), tuple(effects), round(tolerances, 4))
 
 
+def as_its_form(case: Case, odds: Odds, unproved_by: Sequence[str]) -> Odds:
+    """The odds where the first effect is foreign: what is left of one that explains more than it leaves is its form.
+
+    Either is unknown physics, and one thing is likelier than two. Not where free runs speak against the effect, its numbers are not
+    told, or another explains more as no machine can have it.
+    """
+    effect = case.named[0] if case.taken else ""
+    if unproved_by or not effect or not EFFECTS[effect].foreign or case.impossible or not is_told(case, effect):
+        return odds
+    left = case.rest(case.trained[1])
+    if left >= case.rest(case.kept(0)) - left:
+        return odds
+    first = {**odds.effects[0], effect: round(odds.effects[0][effect] + odds.unknown, 4)}
+    return Odds(0.0, (first, *odds.effects[1:]), odds.tolerances)
+
+
 def _as_none_has_it(case: Case) -> float:
     """Net gain [nats] of the best effect that was fitted as no machine can have it: what acts is something that looks like it."""
     first = case.taken[0]

@@ -22,7 +22,7 @@ import numpy as np
 
 from boom_diagnosis.case import Case, Opened
 from boom_diagnosis.coordinates import Coordinate
-from boom_diagnosis.fitting import Point, Problem
+from boom_diagnosis.fitting import LEAST_STEP, Point
 from boom_diagnosis.hypotheses import LOOSENESS, Fits, noticed
 from boom_diagnosis.nuisances import LARGEST_Z, ROD_SIDE, TWINS, Nuisance, bore, known, masses
 from boom_diagnosis.parallel import in_parallel
@@ -59,7 +59,7 @@ def with_number_that_explains_all(case: Case) -> Case | None:
 def _wrong(case: Case, most: float, *, strained: float = inf) -> Case | None:
     """The case with the number that leaves less than ``most`` and is off by less than others that leave no more.
 
-    strained: nats by which it must strain tolerances less.
+    strained: nats by which tolerances are strained without it; it must strain them less by what counts.
     """
     if case.opened is None:
         numbers = (*case.nuisances, *known(case.machine, case.pose))
@@ -67,7 +67,7 @@ def _wrong(case: Case, most: float, *, strained: float = inf) -> Case | None:
         tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(case, every)]
         case.opened = in_parallel(lambda pair: _fitted(*pair, case.floor), tried)
     able = [o for o in case.opened if o.rest < most and _wrong_for_sure(o)]
-    able = [o for o in able if strained == inf or o.strain() < strained]
+    able = [o for o in able if strained == inf or noticed(strained - o.strain(), 1)]
     if not able:
         return None
     least = min(o.rest for o in able)
@@ -94,14 +94,15 @@ def _strain(case: Case, at: Point, names: Sequence[Coordinate] = ()) -> float:
 
     Beside an effect that does what they do, as a load and the moments of mass, they stand anywhere.
     """
-    kept = np.flatnonzero(~case.ended(at))
-    if len(kept) == len(at.z):
+    ended = case.ended(at)
+    if not ended.any():
         return 0.0
-    p = case.problem(at.z, at.effects, LOOSENESS[0])
-    held = Problem(p.predictor, [case.nuisances[k] for k in kept], p.select)
+    free, held = (case.problem(at.z, at.effects, LOOSENESS[0]) for _ in range(2))
+    held.limits[:, ended] = 0.0
     fits = Fits(case.machine, case.bags, case.select, case.nuisances)
-    free, nominal = (fits.fit(problem, z, at.effects, names)[0].loss for problem, z in ((p, at.z), (held, at.z[kept])))
-    return max(0.0, nominal - free)
+    starts = (free, at.z), (held, np.where(ended, 0.0, at.z))
+    least, nominal = (fits.fit(p, z, at.effects, names, enough=LEAST_STEP)[0].loss for p, z in starts)
+    return max(0.0, nominal - least)
 
 
 def in_words(wrong: Sequence[str], instead: Sequence[str] = ()) -> str:

@@ -15,7 +15,7 @@ from boom_diagnosis import odds as weighing_of
 from boom_diagnosis.bag_samples import Bag
 from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
-from boom_diagnosis.document import Finding, Fit
+from boom_diagnosis.document import Fit
 from boom_diagnosis.hypotheses import Round
 
 OFF = Fit({}, {"parameters_only": (0.1,) * 4}, (0.01,) * 4, ("b",))
@@ -219,13 +219,21 @@ def test_what_is_near_unknown_physics_has_the_probability_of_the_ranking(
     assert sum(ranked.values()) == pytest.approx(1.0, abs=2e-4)
 
 
-@pytest.mark.parametrize(("left", "first"), [(0.1, 0.99), (0.6, 0.2)])
-def test_what_is_left_of_something_foreign_that_explains_most_is_its_form(left: float, first: float) -> None:
+@pytest.mark.parametrize(
+    ("effect", "left", "unproved", "unknown"),
+    [("ground_contact", 0.1, [], 0.0), ("ground_contact", 0.6, [], 0.9), ("ground_contact", 0.1, ["angle"], 0.9),
+     ("payload", 0.1, [], 0.9)],
+)  # fmt: skip
+def test_what_is_left_of_something_foreign_that_explains_most_is_its_form(
+    effect: str, left: float, unproved: list[str], unknown: float, case: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A boom on soft soil, 4 % to 0.3 % of the angle, was unknown physics of the friction for the rest, and contact second."""
-    ground = Finding(None, "load", "5.39a", 0.2, {}, "", (), (), "", like="ground_contact")
-    odds, tight = weighing_of.Odds(0.99, (), 0.01), SimpleNamespace(filed=1.0, excess_after=left)
-    assert answer._as_its_form([ground], odds, tight, "unknown_physics")[0].confidence == first  # type: ignore[arg-type]
-    assert answer._as_its_form([ground], odds, tight, "identified") == [ground]  # type: ignore[arg-type]
+    case.taken, case.trained, case.impossible = [weighed(effect, 50.0, 50.0, 400.0)], ["plain", "found"], []
+    monkeypatch.setattr(Case, "kept", lambda self, k: self.trained[k])
+    monkeypatch.setattr(Case, "rest", lambda self, at: {"plain": 1.0, "found": left}[at])
+    monkeypatch.setattr(weighing_of, "is_told", lambda *_: True)
+    odds = weighing_of.as_its_form(case, weighing_of.Odds(0.9, ({effect: 0.06},), 0.04), unproved)
+    assert odds.unknown == unknown and odds.effects[0][effect] == pytest.approx(0.96 - unknown)
 
 
 @pytest.mark.parametrize(

@@ -82,7 +82,7 @@ def test_of_numbers_that_explain_as_much_the_one_that_is_least_off_is_wrong_and_
 
 
 @pytest.mark.parametrize(
-    ("beside_it", "beside_the_effect", "wrong"), [(0.0, 40.0, True), (40.0, 40.0, False), (40.0, 90.0, True)]
+    ("beside_it", "beside_the_effect", "wrong"), [(0.0, 40.0, True), (39.9, 40.0, False), (40.0, 90.0, True)]
 )
 def test_a_number_is_wrong_instead_of_an_effect_that_explains_all_where_it_strains_tolerances_less(
     beside_it: float, beside_the_effect: float, wrong: bool

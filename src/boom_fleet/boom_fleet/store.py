@@ -104,7 +104,7 @@ class FoundBag:
 
 
 def find_bags(folder: str, results: str = "") -> list[FoundBag]:
-    """Bags at any depth below a folder, in the order of their names; those of the folder ``results``, which may lie below it, not.
+    """Bags at any depth below a folder, in the order of their names; those of the local folder ``results`` below it not.
 
     Raises:
         StoreError: there is no such folder, or no bag in it.
@@ -116,7 +116,7 @@ def find_bags(folder: str, results: str = "") -> list[FoundBag]:
         files = fs.find(root, detail=True)
     if not files:
         raise StoreError(f"{folder}: there is no such folder, or it is empty: give a folder of bags or a URL of one")
-    if results and _is_local(fs) and "://" not in results:
+    if results and _is_local(fs) and is_below(results, root) and not is_below(root, results):
         files = {path: info for path, info in files.items() if not is_below(path, results)}
     by_folder: dict[str, dict[str, Any]] = {}
     for path, info in files.items():

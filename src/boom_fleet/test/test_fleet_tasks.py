@@ -70,6 +70,7 @@ def test_bags_below_the_folder_of_the_results_are_no_recordings_of_the_fleet(tmp
         (tmp_path / place / "bag.mcap").write_bytes(b"\x89MCAP0\r\n")
     assert [bag.recording for bag in find_bags(str(tmp_path), str(tmp_path / "results"))] == ["day"]
     assert len(find_bags(str(tmp_path), str(tmp_path / "elsewhere"))) == 2
+    assert len(find_bags(str(tmp_path / "crane"), str(tmp_path))) == 1  # results beside the recordings
 
 
 def test_a_fault_of_a_bag_in_a_store_names_its_url_and_not_the_copy(tmp_path):

@@ -72,5 +72,8 @@ def read_text(path: str | Path, limit: int = TEXT_LIMIT) -> str:
 
 
 def is_below(path: str, folder: str) -> bool:
-    """Whether a local path is a folder or lies below it."""
-    return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+    """Whether a local path is a folder or lies below it; file: URLs are local, others lie nowhere."""
+    local = [
+        os.path.realpath(p.removeprefix("file://")) for p in (path, folder) if "://" not in p.removeprefix("file://")
+    ]
+    return len(local) == 2 and Path(local[0]).is_relative_to(local[1])

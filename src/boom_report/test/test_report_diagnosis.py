@@ -139,9 +139,12 @@ def test_numbers_that_are_off_by_more_than_the_file_allows_are_not_within_their_
     """An edge that was typed 29 % too small was told as 15 % and "within", where the file allows 10 %."""
     made = cases.changed("parameters_only", ())
     assert headline(made).startswith("Parameters within their tolerance explain")
-    beyond = "1 of 54 numbers beyond their tolerance: main_valve_orifices.A_tb_max: look these up"
-    said = headline(replace(made, notes=(*made.notes, beyond)))
-    assert "within" not in said and ", 1 of 54 numbers beyond their tolerance: the physics is" in said
+    beyond = "1 of 54 numbers are beyond their tolerance, look these up: main_valve_orifices.A_tb_max"
+    off = replace(made, notes=(*made.notes, beyond))
+    said = "but 1 of 54 numbers are beyond their tolerance: look these up before the physics is taken for right."
+    assert headline(off).endswith(said) and "within" not in headline(off)
+    assert "within" not in headline(replace(off, wrong=(next(iter(off.tolerances_used)),)))
+    assert "moved within their tolerance" in html(made) and "moved within their tolerance" not in html(off)
 
 
 @pytest.mark.parametrize(

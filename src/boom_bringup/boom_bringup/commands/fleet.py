@@ -114,11 +114,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _among_recordings(path: str, args: argparse.Namespace) -> bool:
     """Whether the next run would find a bag here."""
-    return (
-        os.path.isdir(os.path.dirname(path) or ".")
-        and any(is_below(path, f) for f in args.folders if "://" not in f)
-        and not is_below(path, args.output)
-    )
+    there = os.path.isdir(os.path.dirname(os.path.abspath(path)))
+    return there and any(is_below(path, f) for f in args.folders) and not is_below(path, args.output)
 
 
 def _tasks(args: argparse.Namespace) -> list[Task]:

@@ -212,7 +212,7 @@ class Effect:
 
     @property
     def sizes(self) -> tuple[EffectParameter, ...]:
-        """How much of it there is: the leading parameters, each mass of a load in steps, each factor of numbers that are off."""
+        """How much of it there is: the leading parameters, each mass of a load in steps, what acts where it ``changes``."""
         also = {mass for mass, _ in self.steps} | {row.name for row in self.parameters if row.acts and self.changes}
         return tuple(row for row in self.parameters if row in self.leading or row.name in also)
 

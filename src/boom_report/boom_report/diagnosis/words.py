@@ -157,24 +157,26 @@ def best_channel(fit: Fit) -> tuple[str, float, float] | None:
     return sensor.label, n, e
 
 
+def off_by_more(result: DiagnosisResult) -> str:
+    """How many numbers the notes say to be further off than their tolerance, in words; empty where all are within."""
+    said = [note.split(words)[0] + words for words in (AT_THE_END, BEYOND) for note in result.notes if words in note]
+    return said[0] if said else ""
+
+
 def _by_parameters(result: DiagnosisResult) -> str:
     """The headline where numbers of the machine file explain the difference."""
-    used = result.tolerances_used
+    used, off = result.tolerances_used, off_by_more(result)
     moved = ", ".join([name for name in used if name not in result.wrong][:3])
     if result.wrong:
-        also = f", and parameters within their tolerance ({moved})" if moved else ""
+        also = f", and parameters{'' if off else ' within their tolerance'} ({moved})" if moved else ""
         size = shown(used[result.wrong[0]]).text
         return f"{in_words(result.wrong, result.or_wrong)}: {size}. That explains the difference{also}: the physics is right."
     these = f" ({moved})" if moved else ""
-    if ended := next((note.split(AT_THE_END)[0] for note in result.notes if AT_THE_END in note), ""):
+    if off:
         return (
-            f"Parameters explain the difference{these}, but {ended}{AT_THE_END}: look these up before the physics is taken for "
-            "right."
+            f"Parameters explain the difference{these}, but {off}: look these up before the physics is taken for right."
         )
-    beyond = next((note.split(BEYOND)[0] for note in result.notes if BEYOND in note), "")
     said = f"Parameters within their tolerance explain the difference{these}: the physics is"
-    if beyond:
-        said = f"Parameters explain the difference{these}, {beyond}{BEYOND}: the physics is"
     p = max((row.probability for row in result.document.ranking if row.kind == "parameters"), default=1.0)
     return f"{said} right." if p >= SURE else f"{said} {is_sure(p)} right (confidence {probability(p)})."
 
