@@ -79,11 +79,11 @@ def odds_of(case: Case, unknown: float, *, proved: bool = True, spared: float = 
 def as_its_form(case: Case, odds: Odds, unproved_by: Sequence[str]) -> Odds:
     """The odds where the first effect is foreign: what is left of one that explains more than it leaves is its form.
 
-    Either is unknown physics, and one thing is likelier than two. Not where free runs speak against the effect, its numbers are not
-    told, or another explains more as no machine can have it.
+    Either is unknown physics, and one thing is likelier than two; so is what looks like another effect as no machine can have it.
+    Not where free runs speak against the effect, or its numbers are not told.
     """
     effect = case.named[0] if case.taken else ""
-    if unproved_by or not effect or not EFFECTS[effect].foreign or case.impossible or not is_told(case, effect):
+    if unproved_by or not effect or not EFFECTS[effect].foreign or not is_told(case, effect):
         return odds
     left = case.rest(case.trained[1])
     if left >= case.rest(case.kept(0)) - left:

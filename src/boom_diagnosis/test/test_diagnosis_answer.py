@@ -228,7 +228,7 @@ def test_what_is_left_of_something_foreign_that_explains_most_is_its_form(
     effect: str, left: float, unproved: list[str], unknown: float, case: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A boom on soft soil, 4 % to 0.3 % of the angle, was unknown physics of the friction for the rest, and contact second."""
-    case.taken, case.trained, case.impossible = [weighed(effect, 50.0, 50.0, 400.0)], ["plain", "found"], []
+    case.taken, case.trained = [weighed(effect, 50.0, 50.0, 400.0)], ["plain", "found"]
     monkeypatch.setattr(Case, "kept", lambda self, k: self.trained[k])
     monkeypatch.setattr(Case, "rest", lambda self, at: {"plain": 1.0, "found": left}[at])
     monkeypatch.setattr(weighing_of, "is_told", lambda *_: True)
