@@ -23,21 +23,18 @@ from math import ceil
 from pathlib import Path
 
 import numpy as np
+from work_cycles import HIDDEN, POSE
 
+from boom_bringup.arguments import positive
 from boom_recording import writing
-from boom_recording.recording import Configuration, Recording
-from concealed_plant.machine import MachineFile, Posture, linkage, quantities
-from concealed_plant.operator import Operator
-from concealed_plant.plant import Courses, InitialValues, RunError, per_millisecond, run
-from concealed_plant.sensing import Bus, record
+from boom_recording.recording import Recording
+from concealed_plant.joint_work import work_recording
+from concealed_plant.machine import MachineFile
 
-HIDDEN = {"healthy": {}, "load": {"extra_load": 220.0}, "valve_lag": {"poppet_frequency": 22.0}}
-POSE = Posture(0.6, 1.5, 0.0)
 PROMISED = {20: (240.0, 1.5), 60: (600.0, 2.0)}
 """Minutes of recording -> seconds and GB."""
 PART, PAUSE = 20.0, 10.0
 """Minutes; seconds."""
-ATTEMPTS = 20
 
 
 def made(minutes: float, changes: dict[str, float], seed: int) -> Recording:
@@ -47,10 +44,12 @@ def made(minutes: float, changes: dict[str, float], seed: int) -> Recording:
         RunError: the crane left its range, however it was driven.
     """
     count = ceil(minutes / PART)
-    parts = [driven(minutes / count, changes, [seed, k]) for k in range(count)]
+    file = MachineFile.read(str(files("boom_model").joinpath("machines", "tz17.yaml")))
+    seconds = 60.0 * minutes / count
+    parts = [work_recording("long", file, POSE, changes, 100 * seed + k, seconds, moving=False) for k in range(count)]
     first = parts[0]
     for k, part in enumerate(parts[1:], start=1):
-        later = k * round(1e9 * (60.0 * minutes / count + PAUSE))
+        later = k * round(1e9 * (seconds + PAUSE))
         for name, signal in first.signals.items():
             other = part.signals[name]
             first.signals[name] = replace(
@@ -60,25 +59,7 @@ def made(minutes: float, changes: dict[str, float], seed: int) -> Recording:
                 values=np.concatenate([signal.values, other.values]),
                 valid=np.concatenate([signal.valid, other.valid]),
             )
-    return replace(first, duration=parts[-1].duration + (count - 1) * (60.0 * minutes / count + PAUSE))
-
-
-def driven(minutes: float, changes: dict[str, float], seed: list[int]) -> Recording:
-    """One part of it."""
-    file = MachineFile.read(str(files("boom_model").joinpath("machines", "tz17.yaml")))
-    numbers, table = quantities(file, POSE)._replace(**changes), linkage(file)
-    for attempt in range(ATTEMPTS):
-        rng = np.random.default_rng([*seed, attempt])
-        start = InitialValues(float(rng.uniform(0.3, 0.6)))
-        try:
-            currents, _ = Operator(numbers, table, rng, Courses()).drive(60.0 * minutes, start.angle)
-            outputs = run(numbers, table, start, per_millisecond(currents), Courses()).outputs
-        except RunError as error:
-            reason = error
-            continue
-        told = Configuration(file.name, POSE.outer_boom_angle, POSE.telescope_length, POSE.load)
-        return record("long", outputs, per_millisecond(currents), told, Bus(), rng)
-    raise reason
+    return replace(first, duration=parts[-1].duration + (count - 1) * (seconds + PAUSE))
 
 
 def diagnosed(bag: Path, output: Path) -> tuple[int, float, float]:
@@ -92,7 +73,7 @@ def diagnosed(bag: Path, output: Path) -> tuple[int, float, float]:
 def main() -> int:
     """Make the recording, diagnose it, print what that took."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=20.0, help="of recording (default: %(default)s)")
+    parser.add_argument("--minutes", type=positive, default=20.0, help="of recording (default: %(default)s)")
     parser.add_argument("--hide", choices=HIDDEN, default="load", help="what is concealed (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of operator and noise (default: %(default)s)")
     given = parser.parse_args()

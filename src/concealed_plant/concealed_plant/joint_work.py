@@ -49,9 +49,12 @@ def _course(n: int, middle: float, reach: float, fastest: float, rng: np.random.
 
 
 def work_recording(
-    name: str, file: MachineFile, pose: Posture, changes: Mapping[str, float], seed: int, duration: float = 60.0
-) -> Recording:
-    """A recording of a crane whose numbers are the file's, but for the hidden ``changes`` of ``Quantities``.
+    name: str, file: MachineFile, pose: Posture, changes: Mapping[str, float], seed: int, duration: float = 60.0, *,
+    moving: bool = True,
+) -> Recording:  # fmt: skip
+    """A recording [``duration`` in s] of a crane whose numbers are the file's, but for the hidden ``changes`` of ``Quantities``.
+
+    moving: the other joints, too; else they rest, and are not recorded.
 
     The configuration in it tells the pose at rest and the load of ``pose``. The same seed gives the same recording.
 
@@ -60,25 +63,26 @@ def work_recording(
     """
     for attempt in range(ATTEMPTS):
         try:
-            return _driven(name, file, pose, changes, np.random.default_rng([seed, attempt]), duration)
+            return _driven(name, file, pose, changes, np.random.default_rng([seed, attempt]), duration, moving)
         except RunError as error:
             reason = error
     raise reason
 
 
 def _driven(
-    name: str, file: MachineFile, pose: Posture, changes: Mapping[str, float], rng: np.random.Generator, duration: float
-) -> Recording:
+    name: str, file: MachineFile, pose: Posture, changes: Mapping[str, float], rng: np.random.Generator, duration: float,
+    moving: bool,
+) -> Recording:  # fmt: skip
     told = quantities(file, pose)
     table: BoomLinkage = linkage(file)
-    joints = joint_courses(pose, duration, rng)
+    joints = joint_courses(pose, duration, rng) if moving else None
     start = InitialValues(float(rng.uniform(0.3, 0.6)))
     m: Quantities = told._replace(**dict(changes))
     currents, _ = Operator(m, table, rng, Courses(joints=joints)).drive(duration, start.angle)
     done = run(m, table, start, per_millisecond(currents), Courses(joints=joints))
     configuration = Configuration(file.name, pose.outer_boom_angle, pose.telescope_length, pose.load)
     result = record(name, done.outputs, per_millisecond(currents), configuration, Bus(), rng)
-    return _with_joints(result, joints, rng)
+    return _with_joints(result, joints, rng) if joints else result
 
 
 def _with_joints(recording: Recording, joints: JointCourses, rng: np.random.Generator) -> Recording:
