@@ -171,7 +171,7 @@ def test_a_replay_that_stood_still_does_not_go_on_in_the_middle_of_a_motion(
 ) -> None:
     replay = chain.pop("replay")
     replay.process.send_signal(signal.SIGSTOP)
-    chain["simulation"].says(r"no current command for 100 ms: the valve is closed")
+    the_crane_reports_no_current()  # what it said may be older: on a busy machine a command came late before
     replay.process.send_signal(signal.SIGCONT)
     assert replay.ends() == 2
     assert re.search(r"the replay itself stood still for \d+ ms", replay.text())

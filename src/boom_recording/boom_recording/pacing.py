@@ -92,12 +92,23 @@ class ReplayPacer:
                     return False
                 self._advance(next_tick)
                 next_tick += PERIOD_NS
-            if not self._wait_until(sample.stamp_ns):
-                return False
-            self._advance(sample.stamp_ns)
-            self._sent_at = time.monotonic()
-            self._send(sample, self._clock_ns)
+            with self._changed:  # a pause comes before this sample or after it
+                if not self._wait_until(sample.stamp_ns):
+                    return False
+                self._advance(sample.stamp_ns)
+                now = time.monotonic()
+                self._refuse_a_standstill(now)
+                self._sent_at = now
+                self._send(sample, self._clock_ns)
         return True
+
+    def _refuse_a_standstill(self, now: float) -> None:
+        """Asked after each wait and once more at the send itself: a process is suspended between any two lines."""
+        if (silent := now - self._sent_at) > self._silence:
+            raise StoodStillError(
+                f"the replay itself stood still for {1e3 * silent:.0f} ms, and a valve is closed after "
+                f"{1e3 * self._silence:.0f} ms: it does not go on in the middle of a motion. Start it again"
+            )
 
     def _advance(self, position_ns: int) -> None:
         clock = self._start_ns + position_ns
@@ -120,11 +131,7 @@ class ReplayPacer:
                 if self._since is None:
                     self._since = time.monotonic()
                 left = (position_ns - self._now_ns()) / (self._rate * 1e9)
-                if (silent := time.monotonic() - self._sent_at) > self._silence:
-                    raise StoodStillError(
-                        f"the replay itself stood still for {1e3 * silent:.0f} ms, and a valve is closed after "
-                        f"{1e3 * self._silence:.0f} ms: it does not go on in the middle of a motion. Start it again"
-                    )
+                self._refuse_a_standstill(time.monotonic())
                 if left <= 0:
                     return True
                 self._changed.wait(left)

@@ -213,6 +213,25 @@ def test_a_pacer_that_is_slow_goes_on_and_one_that_stood_still_does_not(monkeypa
         took(lambda k: 0.15 if k == 40 else 0.001)
 
 
+def test_a_pacer_suspended_between_its_wait_and_its_send_does_not_send(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process is suspended between any two lines: here where the clock of the sample goes out."""
+    now = [0.0]
+    monkeypatch.setattr("boom_recording.pacing.time.monotonic", lambda: now[0])
+    sent: list[int] = []
+
+    def send(sample: ReplaySample, _: int) -> None:
+        sent.append(sample.stamp_ns)
+        now[0] += 0.001
+
+    def tick(_: int) -> None:
+        now[0] += 0.15 if len(sent) == 40 else 0.0
+
+    chosen = [ReplaySample(k * 10 * MS, (0.0, 0.0)) for k in range(100)]
+    with pytest.raises(StoodStillError, match="stood still for 151 ms"):
+        ReplayPacer(1000.0, send, tick, silence=0.1).run(chosen)
+    assert len(sent) == 40
+
+
 def test_the_stamps_of_a_replay_are_whole_nanoseconds_of_the_recording() -> None:
     made = recording()
     chosen = replay.samples(made, "reference")
