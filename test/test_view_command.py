@@ -8,6 +8,7 @@ import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +112,17 @@ def test_wrong_input_is_told_in_one_line(words: list[str], said: str, capsys: py
     assert said in error[-1]
 
 
+# When the curves of a live page are drawn: six times, each with samples that the one before had not.
+CURVES = """new Promise((done) => {
+  const drawn = [], sizes = [];
+  (function look() {
+    const at = view.player.state.curves;
+    if (at !== drawn[drawn.length - 1]) { drawn.push(at); sizes.push(view.data.time.length); }
+    if (drawn.length < 6) requestAnimationFrame(look); else done(sizes.every((n, k) => !k || n > sizes[k - 1]) ? drawn : []);
+  })();
+})"""
+
+
 @contextmanager
 def process(command: list[str]) -> Iterator[subprocess.Popen[str]]:
     started = subprocess.Popen(
@@ -144,6 +156,8 @@ def test_a_page_opened_before_during_and_after_a_simulation_shows_it(browser: Br
             )
             browser.open(address, 1300)  # during
             until(browser, "view.player.state.t !== null && view.data.time.length > 50")
+            drawn = browser.value(CURVES)
+            assert min(b - a for a, b in pairwise(drawn)) >= 100  # ms: thirty batches a second are drawn ten times
         until(browser, "document.getElementById('state').textContent.startsWith('No angle for')")
         browser.open(address, 1300)  # after
         assert until(browser, "view.data.time.length") > 50

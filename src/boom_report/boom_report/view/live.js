@@ -19,7 +19,7 @@ window.playLive = function () {
     if (!player) { pending = pending.concat(rows); return; }
     if (rows.length && data.time.length && rows[0][0] < data.time[data.time.length - 1]) data.clear();
     data.add(rows);
-    player.refresh();
+    player.grow();
   });
   stream.addEventListener("marks", (event) => { if (data) { data.models[0].marks = JSON.parse(event.data); } });
   stream.addEventListener("state", (event) => { said.textContent = JSON.parse(event.data); });

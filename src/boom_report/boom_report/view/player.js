@@ -2,7 +2,7 @@
 // One player for a recording, a report and the running machine: time, crane, scheme, plots, marks.
 (function () {
   const SMOOTH = 0.08;  // s that a live picture lags: samples arrive in batches
-  const READABLE = 100;  // ms between two texts
+  const READABLE = 100;  // ms between two texts, and between two drawings of curves that grow
   const channelsOf = (scene) => scene.channels;
 
   window.makePlayer = function (root, scene, data) {
@@ -13,7 +13,7 @@
     one("scheme").innerHTML = scene.scheme;  // drawn and escaped by boom_report.scheme
     const colour = makeScheme(one("scheme"));
     const plots = makePlots(one("plots"), channelsOf(scene), (t) => { seek(t); });
-    const state = { t: data.live ? null : 0, playing: !root.closest(".moving.card"), follow: data.live, model: data.models[0] || null, drawn: null, read: 0, frames: 0, since: performance.now() };
+    const state = { t: data.live ? null : 0, playing: !root.closest(".moving.card"), follow: data.live, model: data.models[0] || null, drawn: null, read: 0, grown: false, curves: 0, frames: 0, since: performance.now() };
     const first = () => (data.time.length ? data.time[0] : 0), last = () => (data.time.length ? data.time[data.time.length - 1] : 0);
 
     data.models.forEach((m, i) => which.add(new Option(m.label, i)));
@@ -48,6 +48,8 @@
       });
     }
     function refresh() {
+      state.grown = false;
+      state.curves = performance.now();
       plots.set(data, state.model);
       slider.min = first();
       slider.max = last();
@@ -94,6 +96,7 @@
       const elapsed = Math.min(0.25, (now - before) / 1e3);
       before = now;
       if (!data.time.length || (root.getBoundingClientRect().bottom < 0 || root.getBoundingClientRect().top > window.innerHeight)) return;
+      if (state.grown && now - state.curves >= READABLE) refresh();
       if (data.live && state.follow) {
         const goal = last() - SMOOTH;  // follows the newest sample without jumping with the batches
         state.t = state.t === null || Math.abs(goal - state.t) > 0.5 ? goal : state.t + elapsed + 0.1 * (goal - state.t - elapsed);
@@ -114,6 +117,6 @@
     label();
     refresh();
     requestAnimationFrame(frame);
-    return { refresh, state, seek };
+    return { refresh, grow: () => { state.grown = true; }, state, seek };
   };
 })();
