@@ -89,7 +89,7 @@ Array = NDArray[np.float64]
 
 LEARNT_FROM, LEARNT_IN = 0.3, 2
 """Probability of unknown physics from which on a term is learnt, and in how many equations it is tried."""
-AT_THE_END, BEYOND = " stand at the end of their tolerance", " are beyond their tolerance"
+AT_THE_END, BEYOND = "at the end of the tolerance", "beyond the tolerance"
 """What a note says of numbers."""
 DOUBTFUL = 0.1
 """Share of the excess that stays from which on the tolerances alone are fitted once more, by the observer that sees most."""
@@ -502,11 +502,15 @@ def _said_of_limits(case: Case, verdict: Verdict, moved: Mapping[str, Estimate])
     beyond = [name for name, n, z in rows if n.beyond(z) and not (n.ended(z) or n.components == case.wrong)]
     explained = case.taken or case.wrong or verdict == "parameters_only"
     means = "which speaks against the explanation" if explained else "as they make up for what is missing"
-    said, count = [], len(case.nuisances)
+    said = []
+
+    def of_all(names: list[str], where: str) -> str:
+        return f"{len(names)} of {len(case.nuisances)} numbers {'is' if len(names) == 1 else 'are'} {where}"
+
     if ended and moved:
-        said.append(f"{len(ended)} of {count} numbers{AT_THE_END}, {means}: {', '.join(ended)}")
+        said.append(f"{of_all(ended, AT_THE_END)}, {means}: {', '.join(ended)}")
     if beyond and verdict == "parameters_only":
-        said.append(f"{len(beyond)} of {count} numbers{BEYOND}, look these up: {', '.join(beyond)}")
+        said.append(f"{of_all(beyond, BEYOND)}, look these up: {', '.join(beyond)}")
     return said
 
 

@@ -128,10 +128,10 @@ def test_what_a_learnt_term_says_stands_in_the_headline():
 
 def test_the_physics_is_not_taken_for_right_while_numbers_stand_at_the_end_of_their_tolerance():
     made = cases.changed("parameters_only", ())
-    ended = "2 of 60 numbers stand at the end of their tolerance, which speaks against the explanation: a, b"
+    ended = "2 of 60 numbers are at the end of the tolerance, which speaks against the explanation: a, b"
     said = headline(replace(made, notes=(*made.notes, ended)))
     assert said.endswith(
-        "but 2 of 60 numbers stand at the end of their tolerance: look these up before the physics is taken for right."
+        "but 2 of 60 numbers are at the end of the tolerance: look these up before the physics is taken for right."
     )
 
 
@@ -139,9 +139,9 @@ def test_numbers_that_are_off_by_more_than_the_file_allows_are_not_within_their_
     """An edge that was typed 29 % too small was told as 15 % and "within", where the file allows 10 %."""
     made = cases.changed("parameters_only", ())
     assert headline(made).startswith("Parameters within their tolerance explain")
-    beyond = "1 of 54 numbers are beyond their tolerance, look these up: main_valve_orifices.A_tb_max"
+    beyond = "1 of 54 numbers is beyond the tolerance, look these up: main_valve_orifices.A_tb_max"
     off = replace(made, notes=(*made.notes, beyond))
-    said = "but 1 of 54 numbers are beyond their tolerance: look these up before the physics is taken for right."
+    said = "but 1 of 54 numbers is beyond the tolerance: look these up before the physics is taken for right."
     assert headline(off).endswith(said) and "within" not in headline(off)
     assert "within" not in headline(replace(off, wrong=(next(iter(off.tolerances_used)),)))
     assert "moved within their tolerance" in html(made) and "moved within their tolerance" not in html(off)
