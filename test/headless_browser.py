@@ -212,7 +212,7 @@ def faults(browser: Browser, report: Path) -> list[str]:
     """What is wrong with a report, on a screen, on a phone and on paper; [] where nothing is."""
     wanted = report.read_text(encoding="utf-8").count("<div class=figure")
     found = []
-    for width in (1300, 400):
+    for width in (1300, 1081, 900, 400):
         browser.open(report, width)
         browser.value(_DRAW)
         seen = browser.value(_LOOK)
