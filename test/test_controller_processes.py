@@ -570,6 +570,18 @@ def test_a_stream_of_references_is_followed_smoothly(rig: Rig) -> None:
     assert 0.05 < max(rates) <= 0.6
 
 
+def test_two_streams_of_references_are_told(rig: Rig) -> None:
+    other = rig.node.create_publisher(JointState, "/boom/reference", qos.LATEST)
+
+    def send() -> bool:
+        for publisher in (rig.reference, other):
+            publisher.publish(JointState(name=[JOINT], position=[0.32]))
+        status = rig.health.get("boom_controller")
+        return status is not None and "2 publish /boom/reference" in status.message
+
+    rig.until(send)
+
+
 def test_a_parameter_changed_in_motion_makes_no_jump_and_an_impossible_one_is_refused(rig: Rig) -> None:
     rig.lift()
     rig.until(lambda: len(rig.states) > 60)

@@ -92,6 +92,14 @@ def test_a_standstill_has_a_plain_verdict_and_all_files(diagnose, tmp_path):
     assert names == ["diagnosis.json", "machine.yaml", "report.html"]
 
 
+def test_what_an_earlier_diagnosis_left_does_not_stay_beside_another_answer(diagnose, tmp_path):
+    bag, folder = still(tmp_path / "still"), tmp_path / "output" / "diagnosis"
+    diagnose(bag)
+    (folder / "next_experiment").mkdir()
+    assert diagnose(bag, "--no-report")[0] == 0
+    assert sorted(path.name for path in folder.iterdir()) == ["diagnosis.json", "machine.yaml"]
+
+
 @pytest.mark.parametrize("held_out", [False, True], ids=["given", "held out"])
 def test_a_command_with_the_wrong_sign_is_told_and_no_physics_named(diagnose, tmp_path, held_out):
     good = BAGS / "healthy" / "extended"

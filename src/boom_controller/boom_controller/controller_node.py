@@ -74,6 +74,7 @@ class ControllerNode(LifecycleNode):
         self._garbage, self._wake_up_latency = Garbage(), WakeUpLatency()
         self._failure = ""
         self._sole = SolePublishers(self, (*COMMANDS, *MEASURED_TOPICS), self._values["shared_topics"], SETTLE_S)
+        self._streams = SolePublishers(self, ("/boom/reference",), self._values["shared_topics"])
         self._make_topics()
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._use_parameters)
@@ -331,8 +332,7 @@ class ControllerNode(LifecycleNode):
         loop = self._loop
         if loop is None or loop.supervision.moving:
             return
-        used = self._configuring.advance([each for each in (loop, self._rehearsal) if each is not None])
-        if used and self._active:
+        if self._configuring.advance([each for each in (loop, self._rehearsal) if each is not None]) and self._active:
             self._garbage.hold()
 
     def _on_reference(self, message: JointState) -> None:
@@ -346,10 +346,12 @@ class ControllerNode(LifecycleNode):
         if wrong:
             self.guard.refuse("/boom/reference", "stamp far from now", f"{wrong}: synchronise the clocks")
             return
+        if self._streams.conflict != self._streams.look() != "":
+            self.get_logger().warning(f"{self._streams.conflict}. The boom goes between them")
         if k < len(message.position):
             self._loop.stream(message.position[k], self._times.now())
-            if self._lockstep:
-                self._arrived("reference", stamp_ns)
+        if k < len(message.position) and self._lockstep:
+            self._arrived("reference", stamp_ns)
 
     def _on_emergency(self, wanted: bool) -> None:
         if self._loop is not None:
@@ -372,8 +374,8 @@ class ControllerNode(LifecycleNode):
     def _health(self) -> Health:
         if self._loop is None or not self._active:
             return Health(Level.ERROR if self._failure else Level.OK, self._failure or "not active", {})
-        values = {"control law": self._loop.law.mode, "cycles": self._cycles, "cycles without all samples": self._late}
         last = self._last
+        values = {"control law": self._loop.law.mode, "cycles": self._cycles, "cycles without all samples": self._late}
         if last is None:
             return Health(Level.WARN, "no cycle yet", values)
         if self._sole.conflict:
@@ -383,8 +385,9 @@ class ControllerNode(LifecycleNode):
             "computation of the last cycle [us]": f"{1e6 * last.duration:.0f}",
             "estimated load [kg]": f"{last.load:.0f}",
         }
-        beside = [said for said in (self._others.moved(self._loop.configuration), self._configuring.foreign) if said]
-        said = "; ".join([last.reason, *beside] if last.reason else beside)
+        others = self._others.moved(self._loop.configuration), self._configuring.foreign, self._streams.conflict
+        beside = list(filter(None, others))
+        said = "; ".join(filter(None, (last.reason, *beside)))
         return Health(max(_LEVEL[last.status], Level(bool(beside))), said or last.state.value, values)
 
 

@@ -39,7 +39,7 @@ class Opened:
     """A number of the machine file as if nothing were known of it, fitted with tolerances alone.
 
     rest: loss per innovation over that of a healthy machine. away: logarithm of the number over the file's; within: standard
-    deviation of that. strain: nats by which tolerances are strained beside it.
+    deviation of that. strain: nats by which tolerances are strained beside it. loss: what it leaves, of their priors too [nats].
     """
 
     number: Nuisance
@@ -48,6 +48,7 @@ class Opened:
     away: float
     within: float
     strain: Callable[[], float] = lambda: 0.0
+    loss: Callable[[], float] = lambda: 0.0
 
 
 @dataclass

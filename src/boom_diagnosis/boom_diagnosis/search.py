@@ -313,9 +313,17 @@ def _placed(problem: Problem, point: Point, jacobian: Array, names: Sequence[Coo
     if not steps_in(point.effects):
         return problem.fit(near_onset(problem, point), jacobian[:, :count], names, iterations=STEPS)
     step = Scanner(problem, point, jacobian).next_step(effect, point.effects)
-    start = problem.points([(point.z, {**point.effects, **step})])[0]
-    further, own = problem.fit(start, jacobian[:, :count], names, iterations=STEPS, further=FURTHER)
-    return (further, own) if point.loss - further.loss > TIMED else (point, jacobian)
+
+    def fitted(z: Array, values: dict[str, float]) -> tuple[Point, Array]:
+        start = problem.points([(z, {**point.effects, **values})])[0]
+        return problem.fit(start, jacobian[:, :count], names, iterations=STEPS, further=FURTHER)
+
+    further, own = fitted(point.z, step)
+    ((mass, stroke), *more), at = steps_in(further.effects), further.effects
+    both = {mass: at[mass] + sum(at[m] for m, _ in more), stroke: at[stroke]}
+    one = fitted(further.z, both | {name: neutral(name) for name in step})  # the fit with more may have got further
+    one = min((point, jacobian), one, key=lambda found: found[0].loss)
+    return (further, own) if one[0].loss - further.loss > TIMED else one
 
 
 def _start(scanner: Scanner, candidate: Candidate) -> Point:

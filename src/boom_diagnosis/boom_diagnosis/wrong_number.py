@@ -1,7 +1,7 @@
 """One number of the machine file that is wrong: a bore mistyped, the data sheet of another cylinder.
 
 Its tolerance is right for what the owner meant. Where neither tolerances nor effects explain the recordings, or effects only beside
-tolerances that stand at their ends, each number is looked at as if nothing were known of it: linearly
+tolerances that stand at their ends or stood there without them, each number is looked at as if nothing were known of it: linearly
 from where the tolerances end, and the most promising are fitted beside all tolerances. One is taken where it explains nearly all
 that the tolerances leave, and more than the effects that were found, or as much: it is simpler than they. One that explains all
 is taken before anything is looked for beside a first effect. Of several that do as well the one that is least off is told, with
@@ -20,7 +20,7 @@ from math import exp, hypot, inf, sqrt
 
 import numpy as np
 
-from boom_diagnosis.case import Case, Opened
+from boom_diagnosis.case import Case, Flags, Opened
 from boom_diagnosis.coordinates import Coordinate
 from boom_diagnosis.fitting import LEAST_STEP, Point
 from boom_diagnosis.hypotheses import LOOSENESS, Fits, noticed
@@ -46,8 +46,9 @@ def with_wrong_number(case: Case) -> Case | None:
     if case.learned or case.wrong:
         return None
     if left < NEGLIGIBLE:
-        strained = _laboured(case)
-        return _wrong(case, left + TOO_SMALL, strained=strained) if strained else None
+        if strained := _laboured(case):
+            return _wrong(case, left + TOO_SMALL, strained=strained)
+        return _wrong(case, left + TOO_SMALL, instead=True) if case.taken and case.ended(case.kept(0)).any() else None
     return _wrong(case, min(left, max(NEGLIGIBLE, NEARLY_ALL * case.rest(case.kept(0)))))
 
 
@@ -56,18 +57,27 @@ def with_number_that_explains_all(case: Case) -> Case | None:
     return None if case.wrong or case.rest(case.last) < NEGLIGIBLE else _wrong(case, NEGLIGIBLE)
 
 
-def _wrong(case: Case, most: float, *, strained: float = inf) -> Case | None:
+def _wrong(case: Case, most: float, *, strained: float = inf, instead: bool = False) -> Case | None:
     """The case with the number that leaves less than ``most`` and is off by less than others that leave no more.
 
     strained: nats by which tolerances are strained without it; it must strain them less by what counts.
+    instead: of effects that explain all. It must have stood at its end where tolerances were all, and explain more than they do by
+    what counts: one number that does is simpler than they.
     """
+    at_ends = _at_ends(case) if instead else set()
     if case.opened is None:
         numbers = (*case.nuisances, *known(case.machine, case.pose))
         every = replace(case, nuisances=(*numbers, *masses(numbers), *bore(numbers)))
-        tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in _promising(case, every)]
+        promising = _promising(case, every)
+        if instead and at_ends.isdisjoint(c for i in promising for c in every.nuisances[i].components):
+            return None
+        tried = [(every.nuisances[i], _opened(case, every.nuisances[i])) for i in promising]
         case.opened = in_parallel(lambda pair: _fitted(*pair, case.floor), tried)
     able = [o for o in case.opened if o.rest < most and _wrong_for_sure(o)]
     able = [o for o in able if strained == inf or noticed(strained - o.strain(), 1)]
+    if instead and able:
+        without = _left(case, case.last, case.taken[-1].fitted.coordinates)
+        able = [o for o in able if not at_ends.isdisjoint(o.number.components) and noticed(without - o.loss(), 1)]
     if not able:
         return None
     least = min(o.rest for o in able)
@@ -75,6 +85,11 @@ def _wrong(case: Case, most: float, *, strained: float = inf) -> Case | None:
     first.case.filed = case
     first.case.or_wrong = tuple((o.number.components, exp(o.away)) for o in others)
     return first.case
+
+
+def _at_ends(case: Case) -> set[str]:
+    """Numbers that stand at their ends where tolerances are all."""
+    return {c for n, end in zip(case.nuisances, case.ended(case.kept(0)), strict=True) if end for c in n.components}
 
 
 def _wrong_for_sure(opened: Opened) -> bool:
@@ -89,6 +104,15 @@ def _laboured(case: Case) -> float:
     return nats if noticed(nats, int(case.ended(case.last).sum())) else 0.0
 
 
+def _left(case: Case, at: Point, names: Sequence[Coordinate] = (), held: Flags | None = None) -> float:
+    """Loss [nats], priors included, of a fit from here by the observer that is right for a healthy machine; held: at nominal."""
+    problem, z = case.problem(at.z, at.effects, LOOSENESS[0]), at.z
+    if held is not None:
+        problem.limits[:, held], z = 0.0, np.where(held, 0.0, z)
+    fits = Fits(case.machine, case.bags, case.select, case.nuisances)
+    return fits.fit(problem, z, at.effects, names, enough=LEAST_STEP)[0].loss
+
+
 def _strain(case: Case, at: Point, names: Sequence[Coordinate] = ()) -> float:
     """Nats that it costs to hold the tolerances nominal that stand at their ends, all others and ``names`` fitted beside them.
 
@@ -97,12 +121,7 @@ def _strain(case: Case, at: Point, names: Sequence[Coordinate] = ()) -> float:
     ended = case.ended(at)
     if not ended.any():
         return 0.0
-    free, held = (case.problem(at.z, at.effects, LOOSENESS[0]) for _ in range(2))
-    held.limits[:, ended] = 0.0
-    fits = Fits(case.machine, case.bags, case.select, case.nuisances)
-    starts = (free, at.z), (held, np.where(ended, 0.0, at.z))
-    least, nominal = (fits.fit(p, z, at.effects, names, enough=LEAST_STEP)[0].loss for p, z in starts)
-    return max(0.0, nominal - least)
+    return max(0.0, _left(case, at, names, ended) - _left(case, at, names))
 
 
 def in_words(wrong: Sequence[str], instead: Sequence[str] = ()) -> str:
@@ -162,7 +181,9 @@ def _fitted(number: Nuisance, case: Case, floor: float) -> Opened:
     ended = case.ended(point)
     spread = of_tolerances(point, jacobian, (), COLDEST, ended)[0, 0]
     away, within = ANYTHING * float(point.z[0]), ANYTHING * sqrt(float(spread))
-    return Opened(number, case, case.rest(point), away, within, partial(_strain, case, point))
+    return Opened(
+        number, case, case.rest(point), away, within, partial(_strain, case, point), partial(_left, case, point)
+    )
 
 
 def _alone(case: Case) -> Point:

@@ -74,7 +74,7 @@ def test_the_last_fit_goes_to_the_likelier_of_two_valleys_of_the_gas_where_free_
     assert case.trained[1] is point and jacobian.shape == columns.shape
 
 
-@pytest.mark.parametrize("effect", ["pilot_lag", "payload_change"])
+@pytest.mark.parametrize("effect", ["command_delay", "payload_change"])
 def test_an_effect_of_one_start_or_with_a_time_is_left_where_it_is(effect: str) -> None:
     values = {f"effects.{effect}.{row.name}": row.neutral for row in EFFECTS[effect].parameters}
     assert restarts.other_valley(SimpleNamespace(), SimpleNamespace(effect=effect, point=values)) is None

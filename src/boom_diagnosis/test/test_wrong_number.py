@@ -1,7 +1,10 @@
 """A number of the machine file that is wrong, in the command's own search."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import exp, log
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -92,6 +95,22 @@ def test_a_number_is_wrong_instead_of_an_effect_that_explains_all_where_it_strai
     case.opened = [opened("kinematics.b", 0.0, 0.14, strain=beside_it)]
     found = wrong_number._wrong(case, 0.012, strained=beside_the_effect)
     assert (found is not None) == wrong
+
+
+@pytest.mark.parametrize(
+    ("stood_at_its_end", "left", "wrong"), [(True, 800.0, True), (True, 890.0, False), (False, 800.0, False)]
+)
+def test_a_number_is_wrong_instead_of_an_effect_where_it_stood_at_its_end_and_explains_more(
+    monkeypatch: pytest.MonkeyPatch, stood_at_its_end: bool, left: float, wrong: bool
+) -> None:
+    """A rod of 70 mm, 75 in the file, was gains of both transducers, whose free runs erred eight times the noise."""
+    monkeypatch.setattr(wrong_number, "_at_ends", lambda of: {"cylinder.A_b"} if stood_at_its_end else set())
+    monkeypatch.setattr(wrong_number, "_left", lambda *of: 900.0)
+    case = Case(None, None, [], [], [], [], [], (), 0)  # type: ignore[arg-type]
+    point: Any = SimpleNamespace(point=None, coordinates=())
+    case.rounds, case.taken = [SimpleNamespace(base=None)], [SimpleNamespace(fitted=point)]  # type: ignore[list-item]
+    case.opened = [replace(opened("cylinder.A_b", 0.001, 0.07), loss=lambda: left)]
+    assert (wrong_number._wrong(case, 0.005, instead=True) is not None) == wrong
 
 
 def ended(machine: Machine, made: Recording, numbers: Sequence[str]) -> tuple[Case, np.ndarray]:

@@ -120,6 +120,7 @@ class _Wiring:
         learned: Sequence[LearnedTerm] = (),
         discrepancies: bool = False,
         guarded: Collection[str] = (),
+        stateful: bool = True,
     ) -> None:
         self.structure = structure
         self.learned = tuple(learned)
@@ -140,7 +141,7 @@ class _Wiring:
             name: {row.name: symbols[f"effects.{name}.{row.name}"] for row in EFFECTS[name].parameters}
             for name in self.effects
         }
-        self.e = Terms(numbers, self, guarded=guarded)
+        self.e = Terms(numbers, self, guarded=guarded, stateful=stateful)
         self.states: list[State] = []
         self.symbols: dict[str, Any] = {}
         self.rates: dict[str, Any] = {}
@@ -228,7 +229,9 @@ class _Wiring:
 
     def pilot_difference(self) -> Any:
         """p_+ - p_- [Pa] of the pilot stage, learnt terms included; adds its states."""
-        difference = self.structure.pilot_valves.difference(self) + self.learnt("spool")
+        difference = self.e.through("pilot_difference", self.structure.pilot_valves.difference(self)) + self.learnt(
+            "spool"
+        )
         self.auxiliary["pilot_pressure_difference"] = ("Pa", difference)
         return difference
 
@@ -352,7 +355,8 @@ def reduced_model(structure: Structure, effects: Iterable[str] = (), learned: Se
     Raises:
         ModelError: an effect needs a component that the structure does not have.
     """
-    w = _Wiring(structure, [name for name in effects if not EFFECTS[name].states], learned)
+    kept = [name for name in effects if not EFFECTS[name].states or EFFECTS[name].stateless]
+    w = _Wiring(structure, kept, learned, stateful=False)
     p, e, valve = w.p, w.e, structure.hose_burst_valve
     w.kinematics()
     p_a, p_b = w.add_pressure("head_pressure", "p_a"), w.add_pressure("rod_pressure", "p_b")

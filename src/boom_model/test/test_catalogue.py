@@ -21,6 +21,7 @@ from boom_model.components import (
     pilot_valve,
 )
 from boom_model.equations import full_model, namespace
+from boom_model.machine import Machine
 from boom_model.plant import Plant
 from boom_model.slots import Supply, component
 from boom_model.structure import structure
@@ -361,6 +362,30 @@ def test_pilot_lag_slows_down_and_keeps_the_stationary_pressure(p: Any, effects:
     settled = 0.4 / 19.67
     fast = pilot_valve.pressure(settled, 0.4, p, effects())
     assert float(pilot_valve.pressure(2 * settled, 0.4, p, slow)) == pytest.approx(float(fast))
+    drains = effects(pilot_lag={"r_fall": 1.5})
+    assert float(pilot_valve.state_rate(1e-2, 0.6, p, drains)) == pytest.approx(0.6 - 0.1967, rel=1e-3)
+    assert float(pilot_valve.state_rate(1e-2, 0.0, p, drains)) == pytest.approx(-0.1967 / 1.5, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("line", "y", "rate"), [(0.048, 10e5, 10e5 / 0.050), (0.048, 30e5, -10e5 / 0.075), (0.0, 10e5, 5e8)]
+)
+def test_the_line_to_the_spool_lags_the_pilot_pressure(
+    effects: Any, held: Any, line: float, y: float, rate: float
+) -> None:
+    states = held(pilot_line=y)
+    moves = effects(states, pilot_lag={"line": line, "r_fall": 1.5}).through("pilot_difference", 20e5)
+    assert float(moves) == pytest.approx(20e5 + (y - 20e5) * line / (line + 0.002))
+    assert float(states.rates["pilot_line"]) == pytest.approx(rate, rel=1e-2)
+
+
+def test_the_reduced_model_keeps_of_a_slow_pilot_stage_what_needs_no_state(tz17: Machine) -> None:
+    slow = Plant(tz17.with_effects({"pilot_lag": {"r": 2.0, "line": 0.05}}), tz17.pose(0.28, 2.2), "reduced")
+    x = slow.rest_state(0.5, 0.0, 2e6)
+    state = slow.equations.state_names.index("pilot_extend")
+    x[state] = 1e-2
+    assert "pilot_line" not in slow.equations.state_names
+    assert slow.derivative(x, np.zeros(2))[0][state] == pytest.approx(-0.1967 / 2, rel=1e-3)
 
 
 # ----------------------------------------------------------------------------------------------------- play of the spool

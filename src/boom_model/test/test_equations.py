@@ -154,7 +154,7 @@ def test_terms_at_their_neutral_values_leave_the_equations_as_they_are(tz17: Mac
 
 def test_order_of_parameters_is_machine_first_then_effects_by_name() -> None:
     names = parameter_names(structure(), ["pilot_lag", "flow_force"])
-    assert names[-2:] == ("effects.flow_force.c", "effects.pilot_lag.r")
+    assert names[-4:-1] == ("effects.flow_force.c", "effects.pilot_lag.r", "effects.pilot_lag.line")
     assert len(set(names)) == len(names)
 
 

@@ -15,10 +15,24 @@ from types import FrameType
 
 from boom_input.ending import ending_signals
 
+_NOT_BEGUN = {"replay": "nothing was replayed", "recorder": "nothing was recorded"}
+"""What nodes with something to do say that were ended before they began."""
 
-def _end_at_once(_number: int, _frame: FrameType | None) -> None:
+
+def ended_first(number: int) -> int:
+    """The exit status of a node that a signal ended before it began; one with something to do says that it was not done."""
+    spec = getattr(sys.modules.get("__main__"), "__spec__", None)
+    program = os.path.basename(sys.argv[0]) if spec is None else str(spec.name).rpartition(".")[2]
+    said = _NOT_BEGUN.get(program.removesuffix("_node"))
+    if said is None:
+        return 0
+    os.write(2, f"boom: stopped before it began: {said}\n".encode())
+    return 128 + number
+
+
+def _end_at_once(number: int, _frame: FrameType | None) -> None:
     # Nothing has been opened yet: no destructors, no traceback.
-    os._exit(0)
+    os._exit(ended_first(number))
 
 
 def settle() -> None:

@@ -24,8 +24,10 @@ from typing import TYPE_CHECKING, Any
 
 from boom_input.ending import ending_signals
 from boom_input.shown import quoted
-from boom_node import early as _early  # noqa: F401  (signals and environment, before rclpy is imported)
-from boom_node import parameters
+from boom_node import (
+    early,  # (first: signals and environment, before rclpy is imported)
+    parameters,
+)
 from boom_node.errors import HelpError, StartError
 
 if TYPE_CHECKING:
@@ -136,7 +138,7 @@ def run(
         from rclpy.signals import SignalHandlerOptions
 
         if _state.stop:
-            return 0
+            return early.ended_first(_state.signal)
         try:
             parameters.read_files(arguments)  # before rclpy does, whose message is two lines without a file name
             rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -164,7 +166,7 @@ def _run_initialised(make_node: Callable[[], "Node | LifecycleNode"], kind: str 
     try:
         node = _made(make_node)
         if node is None:
-            return 0
+            return early.ended_first(_state.signal)
         if not isinstance(node, Guarded):
             raise TypeError(f"{type(node).__name__} has to derive from boom_node.node.Node or LifecycleNode")
         executor = make_executor(kind)

@@ -146,6 +146,24 @@ def test_a_signal_at_any_moment_ends_the_node_without_a_traceback(tiny, moment: 
     assert ("closed" in node.printed) == (moment == "spinning")
 
 
+@pytest.mark.parametrize(
+    ("program", "status", "said"), [("replay_node", 130, "nothing was replayed"), ("tip_pose_node", 0, "")]
+)
+def test_a_node_with_something_to_do_says_that_it_was_not_done(
+    tmp_path: Path, program: str, status: int, said: str
+) -> None:
+    (tmp_path / f"{program}.py").write_text(
+        "from boom_node import early\nprint('here', flush=True)\nimport time\ntime.sleep(60)"
+    )
+    node = subprocess.Popen(
+        [sys.executable, "-m", program], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert node.stdout is not None and node.stdout.readline() == "here\n"
+    node.send_signal(signal.SIGINT)
+    _, errors = node.communicate(timeout=20)
+    assert (node.returncode, errors.strip()) == (status, f"boom: stopped before it began: {said}" if said else "")
+
+
 def test_a_node_that_the_middleware_does_not_let_go_of_ends_and_shows_where_it_hangs(tiny) -> None:
     node = tiny(block_at="letting go")
     node.wait_for("spinning")

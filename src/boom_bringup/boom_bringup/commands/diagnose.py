@@ -125,14 +125,15 @@ def _run(args: argparse.Namespace, folder: Path, json_path: Path | None) -> int:
     document = json_text({**result.document.document(), **said, "moved_parameters": moved})
     for path in [folder / "diagnosis.json", *([json_path] if json_path else [])]:
         write_text(path, document)
-    machine_path = folder / "machine.yaml"
+    machine_path, report, proposal = folder / "machine.yaml", folder / "report.html", folder / "next_experiment"
+    report.unlink(missing_ok=True)  # of another answer, whatever may become of the writing
+    shutil.rmtree(proposal, ignore_errors=True)
     write(machine_path, lambda: write_machine(machine_path, result.explained, command=command))
-    report = folder / "report.html"
     if not args.no_report:
         from boom_report.diagnosis.report import write_diagnosis_report
 
         write(report, lambda: write_diagnosis_report(result, report, result.searched or everything))
-    proposed = _next_experiment(result, recordings[0], folder / "next_experiment")
+    proposed = _next_experiment(result, recordings[0], proposal)
     console = console_for()
     print_diagnosis(result, console)
     if args.explain:
@@ -159,8 +160,7 @@ def _next_experiment(result: DiagnosisResult, like: Recording, path: Path) -> li
             columns |= {"retract_current": given.currents[:, 0], "extend_current": given.currents[:, 1]}
             recording = writing.from_columns(path.name, given.time, columns, like.configuration)
             write(temporary, lambda: writing.write(temporary, recording))
-        shutil.rmtree(path, ignore_errors=True)
-        if result.experiment is not None:
+            shutil.rmtree(path, ignore_errors=True)
             temporary.rename(path)
     finally:
         shutil.rmtree(temporary.parent, ignore_errors=True)

@@ -32,4 +32,5 @@ def _used(name: str) -> bool:
     quantities = set(effect.terms)
     if name == valve_hysteresis.EFFECT.id or effect.holds or mode_observer.QUANTITIES & quantities:
         return True
-    return (not effect.states and not quantities <= ABSENT) or bool(effect.delays)
+    stateless = set(effect.stateless) if effect.states else quantities
+    return bool(stateless - ABSENT or effect.delays)

@@ -45,6 +45,8 @@ QUANTITIES: dict[str, str] = {
     "flow_force": "F_q, closes the spool [N]; at.size of |q| sqrt(|dp|), at.extend",
     "return_spring": "k [N/m]",
     "pilot_rate": "a_1, b_0 of the pilot valves [1/s]",
+    "pilot_state_rate": "lambda' of a pilot valve [A]",
+    "pilot_difference": "p_+ - p_- that moves the spool [Pa]",
     "spool_rate": "1 / T_s or omega_n of a spool without pilot stage [1/s]",
     **{f"measured_{name}": f"what the sensor shows of {name} [SI]" for name in OUTPUTS},
 }
@@ -140,6 +142,7 @@ class Effect:
         terms: quantity of the equations (``QUANTITIES``) -> what the effect makes of it. May be empty for a delay.
         place: in the order of its subsystem, in which terms are applied and tables are written.
         states: states that it brings while active; it is then left out of the reduced model.
+        stateless: quantities whose terms need none of them: these it keeps there, and where a component stands alone.
         at_rest: (states so far, p, e) -> values of its own states of a boom that has rested, where these are not zero;
             ``load`` [kg] among the states is what hangs at the tip.
         check: (its numbers, machine); raises MachineError where both do not go together.
@@ -198,6 +201,7 @@ class Effect:
     plainest: Callable[[Mapping[str, float]], dict[str, float]] | None = None
     reach: float = 0.0
     says_less: tuple[str, str] | None = None
+    stateless: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Raises ValueError for a quantity that the equations do not have: its term would never act."""

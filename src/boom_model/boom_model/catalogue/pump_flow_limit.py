@@ -33,7 +33,7 @@ EFFECT = Effect(
         parameter("inverse_q_max", "s/m^3", 0.0, (60_000 / 120, 60_000 / 50), (0.0, 60_000.0),
                   "1 / largest flow that the pump has left for the boom, at 100 bar", almost_nothing=60_000 / 400,
                   starts=tuple(60_000 / q for q in (120, 100, 85, 70, 60, 50, 42, 35, 28, 22, 17, 13))),
-        parameter("w", "-", STOP, (STOP, 0.25), (0.01, 0.5), "how softly it sets in", positive=True),
+        parameter("w", "-", STOP, (STOP, 0.25), (0.01, 0.5), "how softly it sets in", positive=True, starts=(STOP, 0.15)),
         parameter("s", "-", 0.0, (0.0, 1.0), (0.0, 3.0), "how it falls with the pump's pressure: 0 a flow, 1 a power"),
     ),
     {"supply_flow": _supply},

@@ -56,6 +56,11 @@ class Own(SimpleNamespace):
         return self._states.rates
 
 
+def _light(effect: Effect) -> bool:
+    """Whether it brings no state but the time."""
+    return all(state is ELAPSED_TIME for state in effect.states)
+
+
 class Terms:
     """The active effects of a machine.
 
@@ -65,6 +70,7 @@ class Terms:
             those that need no more than the time, which is then 0.
         guarded: effects without states that leave each quantity as it is while all their numbers are neutral, instead of by what
             their terms make of it: compiled code need not compute what nothing does. Derivatives by such a number are zero there.
+        stateful: with what effects make of states of their own.
     """
 
     def __init__(
@@ -73,18 +79,22 @@ class Terms:
         states: States | None = None,
         *,
         guarded: Collection[str] = (),
+        stateful: bool = True,
     ) -> None:
         self._values, self._guarded = values, guarded
+        self._stateful = states is not None and stateful
         self._active = [
             (effect, Own(effect, values[effect.id], states))
             for effect in CATALOGUE
-            if effect.id in values and (states is not None or all(state is ELAPSED_TIME for state in effect.states))
+            if effect.id in values and (states is not None or effect.stateless or _light(effect))
         ]
 
     def through(self, quantity: str, value: Expression, **at: Any) -> Expression:
         """The quantity (one of ``effect.QUANTITIES``) with what the active effects make of it, in the order of the catalogue."""
         for effect, own in self._active:
-            term = effect.terms.get(quantity)
+            term = (
+                effect.terms.get(quantity) if self._stateful or _light(effect) or quantity in effect.stateless else None
+            )
             if term is not None:
                 changed = term(value, own, SimpleNamespace(**at))
                 guarded = effect.id in self._guarded and not effect.states

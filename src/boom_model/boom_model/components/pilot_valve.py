@@ -44,7 +44,7 @@ def gain(p: Any, e: Any) -> Expression:
 
 def state_rate(state: Expression, current: Expression, p: Any, e: Any) -> Expression:
     """lambda' [A] for lambda [A s] and the solenoid current [A]."""
-    return pole(p, e) * state + current
+    return e.through("pilot_state_rate", pole(p, e) * state + current)
 
 
 def pressure(state: Expression, current: Expression, p: Any, e: Any) -> Expression:
