@@ -238,7 +238,9 @@ class _Wiring:
     def motion(self, head_pressure: Any, rod_pressure: Any) -> None:
         """Equation of motion from the pressures that act on the piston."""
         p, e = self.p, self.e
-        self.force = cylinder.force(head_pressure, rod_pressure, p)
+        cushion = e.through("cushion", 0.0, distance=p.cylinder.l_p - self.position, way="r")
+        drop = cylinder.cushion_drop(self.velocity, cushion, self._whole_return(), p)
+        self.force = cylinder.force(head_pressure, rod_pressure + drop, p)
         friction = self.structure.friction.torque(self.angle, self.rate, self.jacobian, p, e)
         self.friction = friction - self.learnt("torque")
         steps = payload.mass(self.structure.steps, self._time, self.position, p)
@@ -261,8 +263,11 @@ class _Wiring:
         flow = self.structure.hose_burst_valve.flow(self, hose, head, rod)
         flow = self.e.through("valve_flow", flow, hose=hose, head=head, rod=rod)
         cushion = self.e.through("cushion", 0.0, distance=self.position, way="a")
-        whole = self.structure.metering.areas(-self.p.main_valve_spool.s_max, self.p, self.e)[1]
-        return cylinder.cushioned(flow, hose - head, cushion, whole, self.p)
+        return cylinder.cushioned(flow, hose - head, cushion, self._whole_return(), self.p)
+
+    def _whole_return(self) -> Any:
+        """A_tb [m^2], fully open."""
+        return self.structure.metering.areas(-self.p.main_valve_spool.s_max, self.p, self.e)[1]
 
     def _time(self) -> Any:
         self.rates[ELAPSED_TIME.name] = 1.0

@@ -24,7 +24,7 @@ QUANTITIES: dict[str, str] = {
     "seen_angle": "q_2 where the angle is measured [rad]",
     "seen_rate": "q_2' where it is measured [rad/s]",
     "leakage": "q_l from the head to the rod side [m^3/s]; at.head_pressure, at.rod_pressure",
-    "cushion": "(A_tb / A_c)^2, A_c: throttle that oil leaves through [-]; at.distance to the end of stroke, at.way: a, b or h",
+    "cushion": "(A_tb / A_c)^2, A_c: throttle that oil leaves through [-]; at.distance to the end of stroke, at.way: a, b, h or r",
     "bulk_modulus": "beta [Pa]; at.pressure",
     "precharge": "p_g0 of an accumulator [Pa]",
     "throat": "orifice diameter of an accumulator [m]",

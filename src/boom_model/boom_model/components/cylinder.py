@@ -64,6 +64,14 @@ def force(head_pressure: Expression, rod_pressure: Expression, p: Any) -> Expres
     return head_pressure * p.cylinder.A_a - rod_pressure * p.cylinder.A_b
 
 
+def cushion_drop(velocity: Expression, cushion: Expression, edge: Expression, p: Any) -> Expression:
+    """dp = rho / 2 (A_b max(0, s_p') kappa / (C_d A))^2 [Pa] over the rod side's throttle; the way back is free.
+
+    velocity: s_p' [m/s]. cushion: kappa^2 = (A / A_c)^2. edge: A [m^2].
+    """
+    return p.fluid.rho / 2 * cushion * (p.cylinder.A_b * ca.fmax(velocity, 0.0) / (p.fluid.C_d * edge)) ** 2
+
+
 def leakage(head_pressure: Expression, rod_pressure: Expression, e: Any) -> Expression:
     """q_l [m^3/s] from the head to the rod side."""
     return e.through("leakage", 0.0, head_pressure=head_pressure, rod_pressure=rod_pressure)
