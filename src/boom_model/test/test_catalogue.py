@@ -293,6 +293,23 @@ def test_cushion_is_a_throttle_in_series_over_the_last_stretch(p: Any, effects: 
     assert float(cylinder.cushioned(alone, drop, 24.0, edge, p)) == alone
 
 
+def test_a_cushion_ahead_of_the_transducer_holds_the_piston_that_extends(tz17: Machine) -> None:
+    held = tz17.with_effects({"end_cushioning": {"kappa_r": 4.0, "length": 1.0, "shape": 0.2}})
+    free, cushioned = (Plant(m, tz17.pose(0.28, 2.2), "full") for m in (tz17, held))
+    p = namespace(tz17.values(tz17.pose(0.28, 2.2)))
+    x = free.rest_state(0.5, 0.0, 2e6)
+    for rate in (0.2, -0.2):
+        x[1] = rate
+        states = {
+            name: free.auxiliary(x[None], np.zeros((1, 2)))[name][0] for name in ("piston_velocity", "piston_position")
+        }
+        depth = 1 - (p.cylinder.l_p - states["piston_position"]) / 1.0
+        drop = cylinder.cushion_drop(states["piston_velocity"], 16.0 * depth**0.4, p.main_valve_orifices.A_tb_max, p)
+        forces = [plant.auxiliary(x[None], np.zeros((1, 2)))["force"][0] for plant in (free, cushioned)]
+        assert forces[0] - forces[1] == pytest.approx(float(p.cylinder.A_b * drop), rel=1e-6)
+        assert (float(drop) > 1e4) == (states["piston_velocity"] > 0.0)
+
+
 def test_return_edge_that_is_hardly_open_is_hardly_narrowed_by_the_cushion(p: Any, effects: Any) -> None:
     def kept(stroke: float) -> float:
         supply, e = component(Supply, True), effects()
