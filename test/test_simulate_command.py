@@ -149,6 +149,25 @@ def test_a_campaign_keeps_the_bags_and_what_ran_of_the_last(
     assert load(tmp_path / "made" / "folded_staircase").duration == pytest.approx(4.0, abs=0.03)
 
 
+def test_a_campaign_that_was_interrupted_says_what_is_in_the_way_of_the_next(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    advance, count = SimulatedCrane.advance, 0
+
+    def interrupted(crane: SimulatedCrane) -> CraneSample:
+        nonlocal count
+        count += 1
+        if count > 500 and crane.time > 1.5:
+            raise KeyboardInterrupt
+        return advance(crane)
+
+    monkeypatch.setattr(SimulatedCrane, "advance", interrupted)
+    status, told = simulate(tmp_path, capsys, "--campaign", "cylinder", "--duration", "4")
+    assert status == 130
+    assert "made has 1 whole bags: remove it to begin again" in told
+    assert [p.name for p in (tmp_path / "made").iterdir()] == ["folded_staircase"]
+
+
 def test_a_bag_that_another_command_is_making_is_refused_and_what_a_killed_one_left_is_not_in_the_way(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -307,6 +307,12 @@ def _campaign(args: argparse.Namespace, output: Path) -> int:
             raise SimulateError(
                 f"{_ended(error, output / error.recording.name)}, {count} whole bags beside it"
             ) from None
+        except KeyboardInterrupt:
+            if count > 1:
+                print(
+                    f"boom: {output} has {count - 1} whole bags: remove it to begin again", file=sys.stderr, flush=True
+                )
+            raise
     print(f"{count} bags in {output}; identify the machine from them: ./boom identify {output}/*")
     return 0
 
