@@ -105,6 +105,8 @@ class Commands:
 
     def travel(self) -> str:
         """How the boom moved."""
+        if not self.angles:
+            return "no angle heard"
         return f"boom moved {self.moving():.0%} of the time, {min(self.angles):.2f} to {max(self.angles):.2f} rad"
 
     def wait(self) -> None:

@@ -385,7 +385,7 @@ class ControllerNode(LifecycleNode):
             "computation of the last cycle [us]": f"{1e6 * last.duration:.0f}",
             "estimated load [kg]": f"{last.load:.0f}",
         }
-        others = self._others.moved(self._loop.configuration), self._configuring.foreign, self._streams.conflict
+        others = self._others.moved(self._loop.configuration), self._configuring.foreign, self._streams.look()
         beside = list(filter(None, others))
         said = "; ".join(filter(None, (last.reason, *beside)))
         return Health(max(_LEVEL[last.status], Level(bool(beside))), said or last.state.value, values)

@@ -732,11 +732,14 @@ def test_deactivation_gives_the_last_currents_to_be_ramped(boom: Boom) -> None:
 
 
 def test_what_the_law_does_not_use_of_the_machine_file_is_said_at_start(boom: Boom) -> None:
-    machine = boom.machine.with_effects({"hose_burst_valve_lag": {"tau": 0.05}, "boom_flexibility": {"gain": 0.3}})
+    slow = {"pilot_lag": {"r": 1.2, "line": 0.02}, "end_cushioning": {"kappa_b": 2.0}}
+    machine = boom.machine.with_effects(
+        {"hose_burst_valve_lag": {"tau": 0.05}, "boom_flexibility": {"gain": 0.3}, **slow}
+    )
     boom.loop.configure(machine, boom.pose)
     cycle = boom.run(0.1)
     assert cycle.status == "warning"
-    assert "tells hose burst valve lag, which the control law does not use" in cycle.reason
+    assert "tells hose burst valve lag, pilot lag (line), which the control law does not use" in cycle.reason
 
 
 def test_a_held_boom_of_a_quiet_encoder_beside_a_gyro_with_a_bias_is_no_stuck_sensor(boom: Boom) -> None:

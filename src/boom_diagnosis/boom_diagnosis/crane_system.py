@@ -42,7 +42,6 @@ from boom_model.observer import (
 )
 from boom_model.plant import Plant
 from boom_model.sensors import OUTPUTS, PRESSURES
-from boom_model.state import ELAPSED_TIME
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -57,7 +56,7 @@ def _carrying(machine: Machine, stateful: Iterable[str]) -> Machine:
     """The machine with all effects that need no state but the time at their neutral values, and with ``stateful`` ones."""
     effects: dict[str, dict[str, float]] = {}
     for effect in CATALOGUE:
-        if machine.structure.has(effect.needs) and (light(effect.id) or effect.id in stateful):
+        if machine.structure.has(effect.needs) and (effect.light or effect.id in stateful):
             effects[effect.id] = {row.name: row.neutral for row in effect.parameters}
     return replace(machine, effects=check_effects(effects) | {k: dict(v) for k, v in machine.effects.items()})
 
@@ -77,11 +76,6 @@ def _effect_number(c: Coordinate) -> Number:
         c.name, exp if c.positive else float, c.inner(c.low) if c.low > 0 or not c.positive else log(1e-30), c.inner(c.high),
         inf, 0.0, c.step,
     )  # fmt: skip
-
-
-def light(effect: str) -> bool:
-    """Whether an effect brings no state but the time: one compiled model then serves it and all others of its kind."""
-    return all(state is ELAPSED_TIME for state in EFFECTS[effect].states)
 
 
 class CraneModel:
@@ -286,7 +280,7 @@ class CraneSystem:
 
     def models(self, effects: Sequence[str]) -> list[CraneModel]:
         """One for each recording. Effects without states are there always, at their neutral values."""
-        stateful = frozenset(effect for effect in effects if not light(effect))
+        stateful = frozenset(effect for effect in effects if not EFFECTS[effect].light)
         if stateful not in self._models:
             made = [CraneModel(self.machine, bag, stateful) for bag in self.bags]
             for model, chosen in zip(made, self._chosen, strict=False):
@@ -336,7 +330,7 @@ def _search_effect(effect: str, duration: float, log_odds: float) -> SearchedEff
         tuple(points),
         neutral,
         leading,
-        light(effect),
+        EFFECTS[effect].light,
         entry.subsystem != "sensors",
         log_odds,
     )

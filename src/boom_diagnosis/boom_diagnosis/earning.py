@@ -287,11 +287,11 @@ def _hardly_beyond(case: Case, f: Fitted) -> bool:
     here = {row: f.point.effects.get(f"effects.{f.effect}.{row.name}", row.neutral) for row in effect.sizes}
     if all(abs(size) <= row.ordinary for row, size in here.items()):
         return True
-    factors = [row for row in effect.parameters if row.acts or row in effect.leading]
-    if not effect.changes or effect.parameters[0].neutral != 1.0 or f.gain > CLEARLY * chance(case):
+    another = any(abs(size - row.neutral) >= row.low for row, size in here.items() if row.neutral != 1.0)
+    if not effect.changes or effect.parameters[0].neutral != 1.0 or another or f.gain > CLEARLY * chance(case):
         return False
     known = [n.sigma for n in case.nuisances if n.name in effect.changes]
-    away = [abs(log(f.point.effects[f"effects.{f.effect}.{row.name}"])) for row in factors]
+    away = [abs(log(size)) for row, size in here.items() if row.neutral == 1.0]
     return max(away) < BEYOND * TWIN_Z * min(known, default=0.0)
 
 

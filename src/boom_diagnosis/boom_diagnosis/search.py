@@ -318,12 +318,12 @@ def _placed(problem: Problem, point: Point, jacobian: Array, names: Sequence[Coo
         start = problem.points([(z, {**point.effects, **values})])[0]
         return problem.fit(start, jacobian[:, :count], names, iterations=STEPS, further=FURTHER)
 
-    further, own = fitted(point.z, step)
-    ((mass, stroke), *more), at = steps_in(further.effects), further.effects
-    both = {mass: at[mass] + sum(at[m] for m, _ in more), stroke: at[stroke]}
-    one = fitted(further.z, both | {name: neutral(name) for name in step})  # the fit with more may have got further
-    one = min((point, jacobian), one, key=lambda found: found[0].loss)
-    return (further, own) if one[0].loss - further.loss > TIMED else one
+    more, steps = fitted(point.z, step), steps_in(point.effects | step)
+    first = {steps[0][0]: sum(more[0].effects[mass] for mass, _ in steps)}
+    first |= {name: neutral(name) for other in steps[1:] for name in other}
+    again = fitted(more[0].z, more[0].effects | first)  # one step may get further now
+    one = min((point, jacobian), again, key=lambda found: found[0].loss)
+    return more if one[0].loss - more[0].loss > TIMED else one
 
 
 def _start(scanner: Scanner, candidate: Candidate) -> Point:

@@ -230,7 +230,8 @@ def test_a_load_that_was_there_all_along_is_fitted_where_only_one_that_comes_so_
 @pytest.mark.parametrize(
     ("effect", "value", "kept"),
     [("hose_burst_valve_setting.r", 1.01, False), ("hose_burst_valve_setting.r", 0.97, True),
-     ("pilot_lag.r", 0.99, False), ("rate_scale.a", 1.01, True), ("payload.mass", 3.0, True),
+     ("pilot_lag.r", 0.99, False), ("pilot_lag.line", 0.003, False), ("pilot_lag.line", 0.006, True),
+     ("rate_scale.a", 1.01, True), ("payload.mass", 3.0, True),
      ("pressure_delay.T", 0.005, False), ("pressure_delay.T", 0.012, True)],
 )  # fmt: skip
 def test_a_factor_of_a_number_that_is_next_to_nothing_beside_its_tolerance_is_no_effect(

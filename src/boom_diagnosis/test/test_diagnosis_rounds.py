@@ -445,3 +445,25 @@ def test_gains_that_follow_a_machine_without_the_effect_as_well_do_not_weigh_it(
         nothing: Any = None
         rounds[name] = Round((), point(left), np.zeros((SAMPLES, 1)), (fitted,), {}, nothing)
     assert hypotheses._telling(rounds["before"], rounds["after"]) is rounds[kept]
+
+
+@pytest.mark.parametrize(("apart", "steps"), [(False, 1), (True, 2)])
+def test_a_load_has_a_second_step_only_where_one_does_not_do(
+    monkeypatch: pytest.MonkeyPatch, apart: bool, steps: int
+) -> None:
+    """104 and -40 kg from one stroke on, each from 1 to 5000 kg, were 65 kg: the fit with one step had not got so far."""
+    own = "effects.payload_change."
+    first = {own + "mass": 90.0, own + "t_g": -1.0, own + "s_g": 0.4, own + "mass_2": 0.0, own + "s_2": 10.0}
+    second = {own + "mass_2": -40.0, own + "s_2": 0.8 if apart else 0.4}
+
+    def fit(start: Any, *_: Any, **__: Any) -> Any:
+        both = start.effects[own + "mass_2"] != 0.0
+        moved = start.effects | ({own + "mass": 104.0} if both else {})
+        return replace(start, loss=100.0 if both else 900.0 if apart else 130.0, effects=moved), np.zeros((1, 1))
+
+    monkeypatch.setattr(search, "Scanner", lambda *_: SimpleNamespace(next_step=lambda *_: second))
+    problem: Any = SimpleNamespace(points=lambda of: [replace(point(0.0), effects=of[0][1])], fit=fit)
+    begun = replace(point(0.0), loss=2000.0, effects=first)
+    effects = search._placed(problem, begun, np.zeros((1, 1)), ())[0].effects
+    assert effects[own + "mass"] == (104.0 if apart else 64.0)
+    assert len(search.steps_in(effects)) == steps

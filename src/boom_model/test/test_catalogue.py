@@ -46,7 +46,9 @@ def test_catalogue_is_in_the_order_of_the_subsystems() -> None:
     assert len(set(places)) == len(places)
 
 
-def test_equations_let_every_quantity_of_the_catalogue_pass(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_equations_and_components_let_every_quantity_of_the_catalogue_pass(
+    monkeypatch: pytest.MonkeyPatch, p: Any, effects: Any
+) -> None:
     passed, through = set[str](), Terms.through
 
     def noting(self: Terms, quantity: str, value: Any, **at: Any) -> Any:
@@ -58,6 +60,7 @@ def test_equations_let_every_quantity_of_the_catalogue_pass(monkeypatch: pytest.
     full_model(structure(supply=False))
     full_model(structure(spool="direct", pilot_valves="none"))
     full_model(structure(hose_burst_valve="pilot_opened"))
+    structure().pilot_valves.settling(p, effects())
     assert passed == set(QUANTITIES)
 
 

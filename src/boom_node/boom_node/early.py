@@ -36,7 +36,7 @@ def _end_at_once(number: int, _frame: FrameType | None) -> None:
 
 
 def settle() -> None:
-    """Set the environment of a node unless the user has, and end quietly on a signal until `run` takes over."""
+    """Set the environment of a node unless the user has, and end on a signal until `run` takes over."""
     os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     for number in ending_signals():

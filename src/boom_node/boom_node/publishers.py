@@ -20,7 +20,7 @@ SETTLE_S = 0.3
 PARAMETER = ParameterSpec(
     "shared_topics",
     "",
-    "topics of commands and sensors that may have several publishers, separated by commas",
+    "topics of commands, references and sensors that may have several publishers, separated by commas",
     read_only=True,
 )
 

@@ -127,8 +127,9 @@ def run(
     `argv`: as ``sys.argv`` (the default). A node may have a method ``close()``: it is called once, before it is destroyed, with
     publishers still working. One that has an end may have ``unfinished()``: where a signal ends it before, it says how far it came,
     and the status is 128 and the signal's number. With ``--help`` it prints the module's text and the parameters. 0: ended by
-    SIGINT, SIGTERM, SIGHUP or `finish`; 2: StartError, printed as one line; any other exception while the node is built is a
-    programming error and is raised with its traceback. Once the node runs, its guard handles them (`boom_node.node`).
+    SIGINT, SIGTERM, SIGHUP or `finish` (before there is a node: see `early.ended_first`); 2: StartError, printed as one line; any
+    other exception while the node is built is a programming error and is raised with its traceback. Once the node runs, its guard
+    handles them (`boom_node.node`).
     """
     arguments = list(sys.argv if argv is None else argv)
     parameters.process_arguments = arguments[1:]

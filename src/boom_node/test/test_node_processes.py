@@ -147,7 +147,12 @@ def test_a_signal_at_any_moment_ends_the_node_without_a_traceback(tiny, moment: 
 
 
 @pytest.mark.parametrize(
-    ("program", "status", "said"), [("replay_node", 130, "nothing was replayed"), ("tip_pose_node", 0, "")]
+    ("program", "status", "said"),
+    [
+        ("replay_node", 130, "nothing was replayed"),
+        ("recorder_node", 130, "nothing was recorded"),
+        ("tip_pose_node", 0, ""),
+    ],
 )
 def test_a_node_with_something_to_do_says_that_it_was_not_done(
     tmp_path: Path, program: str, status: int, said: str

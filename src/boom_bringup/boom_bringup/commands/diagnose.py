@@ -160,7 +160,6 @@ def _next_experiment(result: DiagnosisResult, like: Recording, path: Path) -> li
             columns |= {"retract_current": given.currents[:, 0], "extend_current": given.currents[:, 1]}
             recording = writing.from_columns(path.name, given.time, columns, like.configuration)
             write(temporary, lambda: writing.write(temporary, recording))
-            shutil.rmtree(path, ignore_errors=True)
             temporary.rename(path)
     finally:
         shutil.rmtree(temporary.parent, ignore_errors=True)

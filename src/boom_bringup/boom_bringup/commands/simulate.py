@@ -297,10 +297,10 @@ def _campaign(args: argparse.Namespace, output: Path) -> int:
     with held(output):
         try:
             for name, write in _runs(args, machine):
-                count += 1
-                print(f"{count:2d} {output / name}", file=sys.stderr, flush=True)
+                print(f"{count + 1:2d} {output / name}", file=sys.stderr, flush=True)
                 with new_bag(output / name) as made:
                     write(made)
+                count += 1
         except EndedEarlyError as error:
             with new_bag(output / error.recording.name) as made:
                 write_recording(made, error.recording)
@@ -308,10 +308,8 @@ def _campaign(args: argparse.Namespace, output: Path) -> int:
                 f"{_ended(error, output / error.recording.name)}, {count} whole bags beside it"
             ) from None
         except KeyboardInterrupt:
-            if count > 1:
-                print(
-                    f"boom: {output} has {count - 1} whole bags: remove it to begin again", file=sys.stderr, flush=True
-                )
+            if count:
+                print(f"boom: {output} has {count} whole bags: remove it to begin again", file=sys.stderr, flush=True)
             raise
     print(f"{count} bags in {output}; identify the machine from them: ./boom identify {output}/*")
     return 0

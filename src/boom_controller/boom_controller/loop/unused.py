@@ -1,8 +1,8 @@
 """What a machine file tells that no control law uses, said when the machine becomes known.
 
 A law uses what the components make of the effects without a state of their own (``ControlModel``), the dead times, the play of the
-spool, what moves between cylinder and IMU and a valve that holds the load. It does not see the effects below, and terms learnt from
-data: its observers have to make up for them.
+spool, what moves between cylinder and IMU and a valve that holds the load. It does not see the effects and numbers below, and terms
+learnt from data: its observers have to make up for them.
 """
 
 from __future__ import annotations
@@ -15,9 +15,17 @@ ABSENT = frozenset({"throat", "valve_flow", "supply_pressure", "poppet_time"})
 """Quantities without part in the laws' reduced model."""
 
 
+NUMBERS = {"pilot_lag": ("line", "r_fall"), "end_cushioning": ("kappa_r",)}
+"""Numbers that no law uses of an effect whose others it does."""
+
+
 def unused(machine: Machine) -> tuple[str, ...]:
     """Names of the effects, and ``learned`` where there are such terms; empty if the law uses everything."""
     names = [effect_name(name) for name in machine.effects if not _used(name)]
+    for name in NUMBERS.keys() & machine.effects.keys():
+        neutral = {row.name: row.neutral for row in EFFECTS[name].parameters}
+        if told := [n for n in NUMBERS[name] if machine.effects[name].get(n, neutral[n]) != neutral[n]]:
+            names.append(f"{effect_name(name)} ({', '.join(told)})")
     return (*names, *(["learned terms"] if machine.learned else []))
 
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from boom_model.regularisation import Expression
 from boom_model.sensors import OUTPUTS
-from boom_model.state import State
+from boom_model.state import ELAPSED_TIME, State
 
 Term = Callable[[Expression, Any, Any], Expression]
 """(value, own, at) -> the quantity with the term. own: the effect's numbers and states (``terms.Own``); at: see ``QUANTITIES``."""
@@ -46,6 +46,7 @@ QUANTITIES: dict[str, str] = {
     "return_spring": "k [N/m]",
     "pilot_rate": "a_1, b_0 of the pilot valves [1/s]",
     "pilot_state_rate": "lambda' of a pilot valve [A]",
+    "pilot_settling": "time constant of the pilot stage [s]",
     "pilot_difference": "p_+ - p_- that moves the spool [Pa]",
     "spool_rate": "1 / T_s or omega_n of a spool without pilot stage [1/s]",
     **{f"measured_{name}": f"what the sensor shows of {name} [SI]" for name in OUTPUTS},
@@ -141,7 +142,7 @@ class Effect:
         parameters: its numbers.
         terms: quantity of the equations (``QUANTITIES``) -> what the effect makes of it. May be empty for a delay.
         place: in the order of its subsystem, in which terms are applied and tables are written.
-        states: states that it brings while active; it is then left out of the reduced model.
+        states: states that it brings while active; the reduced model leaves it out then, but for what is ``stateless``.
         stateless: quantities whose terms need none of them: these it keeps there, and where a component stands alone.
         at_rest: (states so far, p, e) -> values of its own states of a boom that has rested, where these are not zero;
             ``load`` [kg] among the states is what hangs at the tip.
@@ -208,6 +209,11 @@ class Effect:
         unknown = set(self.terms) - set(QUANTITIES)
         if unknown:
             raise ValueError(f"effect {self.id}: no quantity of the equations is called {', '.join(sorted(unknown))}")
+
+    @property
+    def light(self) -> bool:
+        """Whether it brings no state but the time: one compiled model then serves it and all others of its kind."""
+        return all(state is ELAPSED_TIME for state in self.states)
 
     @property
     def leading(self) -> tuple[EffectParameter, ...]:

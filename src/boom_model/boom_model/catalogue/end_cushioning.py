@@ -13,7 +13,6 @@ where the pressure is measured behind the cylinder's throttle, at the valve, tha
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from boom_model.catalogue.effect import Effect, parameter
 from boom_model.regularisation import Expression, power
@@ -31,7 +30,7 @@ def _narrowing(cushion: Expression, own: Any, at: Any) -> Expression:
 
 _OVER = "A_tb over the throttle's area at the end of stroke, "
 
-_TOGETHER = np.array(((1.0, 1.0, 0.0, 0.0), (1.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0)))
+_TOGETHER = ((1, 1, 0, 0), (1, 0, 1, 0), (0, 0, 0, 1))
 """Which throttles a search tries together: b, a, h, r."""
 
 EFFECT = Effect(
@@ -47,7 +46,7 @@ EFFECT = Effect(
     ),
     {"cushion": _narrowing},
     points=tuple(
-        (*shares * k, length, 1.0) for k in (3.0, 12.0) for shares in _TOGETHER for length in (0.03, 0.08)
+        (*(k * one for one in which), length, 1.0) for k in (3.0, 12.0) for which in _TOGETHER for length in (0.03, 0.08)
     ),
     place=2, reach=0.25,
 )  # fmt: skip

@@ -44,6 +44,10 @@ def _line(difference: Expression, own: Any, _at: Any) -> Expression:
     return difference - missing * own.line / time
 
 
+def _settling(time: Expression, own: Any, _at: Any) -> Expression:
+    return (time + own.line) * ca.fmax(1.0, own.r_fall)
+
+
 EFFECT = Effect(
     "pilot_lag", "pilot_valves", "5.39n,p,s", "a_1 / r, b_0 / r, and T y' = p_+ - p_- - y before the spool",
     ("the pilot stage", "is slower or faster"), "slower at every edge",
@@ -55,7 +59,8 @@ EFFECT = Effect(
         parameter("r_fall", "-", 1.0, (0.5, 2.0), (0.05, 20.0), "factor of both while the pressure falls", positive=True,
                   acts=True),
     ),
-    {"pilot_rate": lambda rate, own, at: rate / own.r, "pilot_state_rate": _pilot_valve, "pilot_difference": _line},
-    place=1, needs="pilot_valves", changes=("pilot_valves.a1_s",), stateless=("pilot_rate", "pilot_state_rate"),
+    {"pilot_rate": lambda rate, own, at: rate / own.r, "pilot_state_rate": _pilot_valve, "pilot_difference": _line,
+     "pilot_settling": _settling},
+    place=1, needs="pilot_valves", changes=("pilot_valves.a1_s",), stateless=("pilot_rate", "pilot_state_rate", "pilot_settling"),
     states=(State("pilot_line", "y", "Pa", 1e6, -1e8, 1e8, equation="5.39n"),),
 )  # fmt: skip

@@ -56,18 +56,13 @@ class Own(SimpleNamespace):
         return self._states.rates
 
 
-def _light(effect: Effect) -> bool:
-    """Whether it brings no state but the time."""
-    return all(state is ELAPSED_TIME for state in effect.states)
-
-
 class Terms:
     """The active effects of a machine.
 
     Args:
         values: id of each active effect -> its parameters, numbers or expressions.
         states: where effects put their states. Without it a component stands alone, and effects with states are left out, but for
-            those that need no more than the time, which is then 0.
+            those that need no more than the time, which is then 0, and for what is ``stateless`` of others.
         guarded: effects without states that leave each quantity as it is while all their numbers are neutral, instead of by what
             their terms make of it: compiled code need not compute what nothing does. Derivatives by such a number are zero there.
         stateful: with what effects make of states of their own.
@@ -86,14 +81,14 @@ class Terms:
         self._active = [
             (effect, Own(effect, values[effect.id], states))
             for effect in CATALOGUE
-            if effect.id in values and (states is not None or effect.stateless or _light(effect))
+            if effect.id in values and (states is not None or effect.stateless or effect.light)
         ]
 
     def through(self, quantity: str, value: Expression, **at: Any) -> Expression:
         """The quantity (one of ``effect.QUANTITIES``) with what the active effects make of it, in the order of the catalogue."""
         for effect, own in self._active:
             term = (
-                effect.terms.get(quantity) if self._stateful or _light(effect) or quantity in effect.stateless else None
+                effect.terms.get(quantity) if self._stateful or effect.light or quantity in effect.stateless else None
             )
             if term is not None:
                 changed = term(value, own, SimpleNamespace(**at))

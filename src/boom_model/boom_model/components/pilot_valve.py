@@ -87,6 +87,6 @@ register(PilotStage(
     offers=frozenset({"pilot_valves"}), check=_check, invertible=True, difference=_difference,
     pressure=lambda current, p: static_pressure(current, p.pilot_valves.h),
     current=lambda pressure, p: static_inverse(pressure, p.pilot_valves.h),
-    settling=lambda p, e: -1 / pole(p, e),
+    settling=lambda p, e: e.through("pilot_settling", -1 / pole(p, e)),
 ))  # fmt: skip
 register(PilotStage(name="none", meaning="no pilot stage", term="p_+ = p_- = 0", present=False))
