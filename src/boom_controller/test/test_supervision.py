@@ -175,6 +175,7 @@ def test_currents_that_do_not_follow_are_found_and_those_nobody_measures_are_not
     found = [watch.currents((0.0, 0.4), (0.0, 0.0), 0.01 * k) for k in range(60)]
     assert found[40] is None
     assert found[-1] is not None and found[-1].reason == "currents_not_followed"
+    assert "measured 0.00 and 0.00 A: is the motion enabled?" in str(found[-1])
     assert all(watch.currents((0.0, 0.4), None, 1.0 + 0.01 * k) is None for k in range(60))
 
 

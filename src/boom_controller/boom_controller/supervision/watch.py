@@ -162,9 +162,10 @@ class MotionWatch:
             self._given[-1][3]
             and sum(row[3] for row in self._given if row[0] > now - 2.0 * timeout) >= timeout - _ROUNDING
         ):
+            none = ": is the motion enabled?" if max(measured) <= self.settings.current_error else ""
             return StopCause(
                 "currents_not_followed",
-                f"commanded {commanded[0]:.2f} and {commanded[1]:.2f} A, measured {measured[0]:.2f} and {measured[1]:.2f} A",
+                f"commanded {commanded[0]:.2f} and {commanded[1]:.2f} A, measured {measured[0]:.2f} and {measured[1]:.2f} A{none}",
             )
         return None
 
