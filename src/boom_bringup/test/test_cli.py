@@ -314,7 +314,13 @@ def test_wrong_input_keeps_its_status_where_nobody_can_be_told(streams):
     ("module", "words", "status", "said"),
     [
         ("boom_bringup.cli", ("check-machine", "tz17"), 130, "boom: stopped\n"),
-        ("boom_recording.recorder_node", ("--ros-args", "-p", "output:=never"), 0, ""),
+        (
+            "boom_recording.recorder_node",
+            ("--ros-args", "-p", "output:=never"),
+            130,
+            "boom: stopped before it began: nothing was recorded\n",
+        ),
+        ("boom_sim.simulation_node", (), 0, ""),
     ],
 )
 def test_a_ctrl_c_that_was_held_back_while_python_started_ends_it_without_a_traceback(

@@ -15,16 +15,12 @@ ABSENT = frozenset({"throat", "valve_flow", "supply_pressure", "poppet_time"})
 """Quantities without part in the laws' reduced model."""
 
 
-NUMBERS = {"pilot_lag": ("line", "r_fall"), "end_cushioning": ("kappa_r",)}
-"""Numbers that no law uses of an effect whose others it does."""
-
-
 def unused(machine: Machine) -> tuple[str, ...]:
     """Names of the effects, and ``learned`` where there are such terms; empty if the law uses everything."""
     names = [effect_name(name) for name in machine.effects if not _used(name)]
-    for name in NUMBERS.keys() & machine.effects.keys():
+    for name, numbers in machine.effects.items():
         neutral = {row.name: row.neutral for row in EFFECTS[name].parameters}
-        if told := [n for n in NUMBERS[name] if machine.effects[name].get(n, neutral[n]) != neutral[n]]:
+        if told := [n for n in EFFECTS[name].not_in_laws if numbers.get(n, neutral[n]) != neutral[n]]:
             names.append(f"{effect_name(name)} ({', '.join(told)})")
     return (*names, *(["learned terms"] if machine.learned else []))
 

@@ -144,6 +144,7 @@ class Effect:
         place: in the order of its subsystem, in which terms are applied and tables are written.
         states: states that it brings while active; the reduced model leaves it out then, but for what is ``stateless``.
         stateless: quantities whose terms need none of them: these it keeps there, and where a component stands alone.
+        not_in_laws: numbers of which no control law makes anything, where it does of the others.
         at_rest: (states so far, p, e) -> values of its own states of a boom that has rested, where these are not zero;
             ``load`` [kg] among the states is what hangs at the tip.
         check: (its numbers, machine); raises MachineError where both do not go together.
@@ -203,6 +204,7 @@ class Effect:
     reach: float = 0.0
     says_less: tuple[str, str] | None = None
     stateless: tuple[str, ...] = ()
+    not_in_laws: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Raises ValueError for a quantity that the equations do not have: its term would never act."""

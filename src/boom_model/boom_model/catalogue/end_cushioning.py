@@ -48,5 +48,5 @@ EFFECT = Effect(
     points=tuple(
         (*(k * one for one in which), length, 1.0) for k in (3.0, 12.0) for which in _TOGETHER for length in (0.03, 0.08)
     ),
-    place=2, reach=0.25,
+    place=2, reach=0.25, not_in_laws=("kappa_r",),
 )  # fmt: skip

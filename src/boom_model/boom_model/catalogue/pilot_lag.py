@@ -62,5 +62,5 @@ EFFECT = Effect(
     {"pilot_rate": lambda rate, own, at: rate / own.r, "pilot_state_rate": _pilot_valve, "pilot_difference": _line,
      "pilot_settling": _settling},
     place=1, needs="pilot_valves", changes=("pilot_valves.a1_s",), stateless=("pilot_rate", "pilot_state_rate", "pilot_settling"),
-    states=(State("pilot_line", "y", "Pa", 1e6, -1e8, 1e8, equation="5.39n"),),
+    not_in_laws=("line", "r_fall"), states=(State("pilot_line", "y", "Pa", 1e6, -1e8, 1e8, equation="5.39n"),),
 )  # fmt: skip
