@@ -169,8 +169,12 @@ def _live(door: Door) -> list[Path]:
         "record": ["recorded", "--topic", "*"],
         "replay": [door.short, "--loop", "--wait-for-recorder"],
     }
-    live = {name: Running(door.clone.begin(name, *words)) for name, words in names.items()}
+    live = dict[str, Running]()
     try:
+        for name, words in names.items():
+            live[name] = Running(door.clone.begin(name, *words))
+            if name == "watch":
+                live[name].says("watching tz17")  # on a busy machine it is there after eight seconds
         live["replay"].says("replayed 5 of 8 s")
         statuses = {name: live[name].stop() for name in ("replay", "record", "watch", "sim")}
         assert statuses == dict.fromkeys(statuses, 0), {name: each.lines for name, each in live.items()}
