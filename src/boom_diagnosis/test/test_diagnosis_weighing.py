@@ -83,7 +83,16 @@ def test_unknown_physics_is_likely_where_much_of_the_mismatch_stays() -> None:
         ({"hose_burst_valve_lag": {"tau": 0.44}}, 0.0, True),
         ({"hose_burst_valve_lag": {"tau": 0.46}}, 0.0, False),  # as large as any that is looked for
         (
-            {"end_cushioning": {"kappa_b": 100.0, "kappa_a": 0.0, "kappa_h": 0.0, "length": 0.05, "shape": 1.0}},
+            {
+                "end_cushioning": {
+                    "kappa_b": 100.0,
+                    "kappa_a": 0.0,
+                    "kappa_h": 0.0,
+                    "kappa_r": 0.0,
+                    "length": 0.05,
+                    "shape": 1.0,
+                }
+            },
             0.0,
             True,
         ),  # there is no larger one
@@ -159,7 +168,7 @@ def test_an_interval_is_no_narrower_than_its_number_has_a_meaning() -> None:
     w, everything = np.zeros(8000), np.ones(8000, dtype=bool)
     for effect, name, value, width in (("pilot_lag", "r", 1.5, 1.645 * 0.06), ("command_delay", "T", 0.02, 0.0)):
         values = {f"effects.{effect}.{name}": value}
-        point, own = Point(np.zeros(0), values, w, everything, 0.0, [], []), all_coordinates([effect])
+        point, own = Point(np.zeros(0), values, w, everything, 0.0, [], []), all_coordinates([effect])[:1]
         low, high = estimates(Fitted(effect, point, own, np.full((8000, 1), 1e4), 0.0, ()), 3.0)[
             f"effects.{effect}.{name}"
         ].interval_90
