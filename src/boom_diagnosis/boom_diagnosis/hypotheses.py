@@ -265,6 +265,8 @@ def run_round(
     base, jacobian = fits.fit(weighing, base.z, base.effects, kept, enough=enough)
     near = [f for f in fitted[:WEIGHED] if f.gain > RIVAL * fitted[0].gain]
     weighed = Round(accepted, base, jacobian, _all_weighed(weighing, near, base, jacobian), scanned, weighing)
+    if not weighed.fitted:  # an observer that an effect asks for, and that sees nothing of it, has no say
+        return searched
     return _telling(searched, weighed) if same else weighed
 
 
