@@ -239,8 +239,9 @@ def _told(cases: Sequence[PlantCase]) -> list[PlantCase]:
 
 
 def _of(effect: Effect) -> PlantCase:
-    """A plant with the effect, its leading numbers at three quarters of their plausible range."""
-    numbers = {row.name: row.low + 0.75 * (row.high - row.low) for row in effect.leading}
+    """A plant with the effect, its leading numbers that a law can be told at three quarters of their plausible range."""
+    known = [row for row in effect.leading if row.name not in effect.not_in_laws]
+    numbers = {row.name: row.low + 0.75 * (row.high - row.low) for row in known}
     if effect.onset:
         numbers[effect.onset] = ONSET
     return _case(effect.id, {effect.id: numbers})
