@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from boom_estimation.initial_state import CLOSED_CURRENT, REST_WINDOW, RESTING_RATE
+from boom_estimation.initial_state import REST_WINDOW, RESTING_RATE
+from boom_model.catalogue.terms import Terms
+from boom_model.equations import namespace
 from boom_model.errors import SimulationError
 from boom_model.machine import Machine, Pose
 from boom_model.plant import Plant, Stepper
@@ -30,6 +32,8 @@ GAP = 0.05
 AGAIN = 3.0
 """s of rest after which the model begins anew from the machine."""
 MOST_MARKS = 200
+CLOSED = 0.5
+"""Share of its overlap within which the spool keeps the boom at rest: a controller that holds it drives both solenoids."""
 
 
 @dataclass
@@ -74,6 +78,8 @@ class Twin:
     def __init__(self, machine: Machine, pose: Pose) -> None:
         self._plant = Plant(machine, pose)
         self._limits = limits(machine)
+        self._structure, self._e = machine.structure, Terms(machine.effects)
+        self._p = namespace(machine.values(pose))
         self.marks: deque[dict[str, Any]] = deque(maxlen=MOST_MARKS)
         self.clear()
 
@@ -131,8 +137,7 @@ class Twin:
         self._resting.clear()
 
     def _look_for_rest(self, time: float, measured: Mapping[str, float]) -> None:
-        _, retract, extend = self._currents[0] if self._currents else (0.0, 1.0, 1.0)
-        if max(retract, extend) > CLOSED_CURRENT or abs(measured["rate"]) > 4 * RESTING_RATE:
+        if not self._closed() or abs(measured["rate"]) > 4 * RESTING_RATE:
             self._resting.clear()
             return
         self._resting.append((time, measured))
@@ -148,6 +153,15 @@ class Twin:
         self._stepper, self._at = self._plant.stepper(state), time
         self._partings = {name: Parting(limit, mark=self._partings[name].mark) for name, limit in self._limits.items()}
         self.words = "the model follows the measured currents and begins anew where the boom rests"
+
+    def _closed(self) -> bool:
+        """Whether the currents hold the spool within its overlap."""
+        if not self._currents:
+            return False
+        _, retract, extend = self._currents[0]
+        s, stroke = self._structure, self._p.main_valve_spool.s_max
+        position = float(s.spool.position(np.array([retract]), np.array([extend]), self._p, s.pilot_valves)[0])
+        return bool(abs(position) <= CLOSED * stroke * float(s.metering.overlap(position, self._p, self._e)))
 
     def _compare(self, time: float, shown: Mapping[str, float], measured: Mapping[str, float]) -> None:
         for name, parting in self._partings.items():

@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from boom_model.machine_file import shipped_machine
+from boom_model.plant import Plant
+from boom_model.sensors import OUTPUTS
 from boom_sim.simulated_crane import CraneStart, SimulatedCrane
 from boom_view.feed import KEEP, Feed
+from boom_view.twin import Twin
 
 
 def moved(time, begin, end):
@@ -54,6 +57,20 @@ def test_the_model_follows_a_machine_like_it_and_parts_from_another(effects, par
     assert np.isfinite(model[begins:]).all()
     assert np.abs(model - measured)[begins:].max() < 0.01
     assert bool(json.loads(feed.marks)) == parts
+
+
+@pytest.mark.parametrize(("retract", "extend", "begins"), [(0.2, 0.2, True), (0.2, 0.24, True), (0.0, 0.29, False)])
+def test_the_model_begins_where_the_spool_rests_in_its_overlap_whatever_both_solenoids_get(retract, extend, begins):
+    """A controller that holds the boom has oil in both pilot lines."""
+    machine = shipped_machine("tz17")
+    pose = machine.pose(0.28, 2.2, 0.0)
+    plant, twin = Plant(machine, pose), Twin(machine, pose)
+    rest = dict(zip(OUTPUTS, plant.outputs(plant.rest_state(0.4, 0.0, 2e6)).tolist(), strict=True))
+    shown = {}
+    for k in range(120):
+        twin.current(0.01 * k, retract, extend)
+        shown = twin.advance(0.01 * k, rest)
+    assert bool(shown) is begins
 
 
 def test_another_run_begins_where_the_clock_jumps():
