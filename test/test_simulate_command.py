@@ -128,19 +128,24 @@ def test_a_closed_loop_that_leaves_the_stroke_keeps_what_ran(
     assert made.events == [] and made.duration > 2.0 and "reference_angle" in made.signals
 
 
-def test_a_campaign_keeps_the_bags_and_what_ran_of_the_last(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def ends_in_the_second_bag(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    """The crane of a campaign raises this 1.5 s into its second recording."""
     advance, count = SimulatedCrane.advance, 0
 
     def broken(crane: SimulatedCrane) -> CraneSample:
         nonlocal count
         count += 1
         if count > 500 and crane.time > 1.5:
-            raise SimulationError("at 1.500 s p_a left its range", 1.5, "p_a")
+            raise error
         return advance(crane)
 
     monkeypatch.setattr(SimulatedCrane, "advance", broken)
+
+
+def test_a_campaign_keeps_the_bags_and_what_ran_of_the_last(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ends_in_the_second_bag(monkeypatch, SimulationError("at 1.500 s p_a left its range", 1.5, "p_a"))
     status, told = simulate(tmp_path, capsys, "--campaign", "cylinder", "--duration", "4")
     assert status == 2
     assert "made/folded_slow holds the 1.5" in told and told.strip().endswith("1 whole bags beside it")
@@ -152,16 +157,7 @@ def test_a_campaign_keeps_the_bags_and_what_ran_of_the_last(
 def test_a_campaign_that_was_interrupted_says_what_is_in_the_way_of_the_next(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    advance, count = SimulatedCrane.advance, 0
-
-    def interrupted(crane: SimulatedCrane) -> CraneSample:
-        nonlocal count
-        count += 1
-        if count > 500 and crane.time > 1.5:
-            raise KeyboardInterrupt
-        return advance(crane)
-
-    monkeypatch.setattr(SimulatedCrane, "advance", interrupted)
+    ends_in_the_second_bag(monkeypatch, KeyboardInterrupt())
     status, told = simulate(tmp_path, capsys, "--campaign", "cylinder", "--duration", "4")
     assert status == 130
     assert "made has 1 whole bags: remove it to begin again" in told
