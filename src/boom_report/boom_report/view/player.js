@@ -2,6 +2,7 @@
 // One player for a recording, a report and the running machine: time, crane, scheme, plots, marks.
 (function () {
   const SMOOTH = 0.08;  // s that a live picture lags: samples arrive in batches
+  const FLOWING = 0.03;  // s between two pictures of the scheme: painting it takes a sixth of a frame
   const READABLE = 100;  // ms between two texts, and between two drawings of curves that grow
   const channelsOf = (scene) => scene.channels;
 
@@ -13,7 +14,7 @@
     one("scheme").innerHTML = scene.scheme;  // drawn and escaped by boom_report.scheme
     const colour = makeScheme(one("scheme"));
     const plots = makePlots(one("plots"), channelsOf(scene), (t) => { seek(t); });
-    const state = { t: data.live ? null : 0, playing: !root.closest(".moving.card"), follow: data.live, model: data.models[0] || null, drawn: null, read: 0, grown: false, curves: 0, frames: 0, since: performance.now() };
+    const state = { t: data.live ? null : 0, playing: !root.closest(".moving.card"), follow: data.live, model: data.models[0] || null, drawn: null, read: 0, flowed: 0, grown: false, curves: 0, frames: 0, since: performance.now() };
     const first = () => (data.time.length ? data.time[0] : 0), last = () => (data.time.length ? data.time[data.time.length - 1] : 0);
 
     data.models.forEach((m, i) => which.add(new Option(m.label, i)));
@@ -81,14 +82,19 @@
       const m = data.measured, g = state.model && state.model.values, angle = value(m, "angle"), ghost = value(g, "angle");
       const parted = state.model ? [...new Set(state.model.marks.filter((x) => x.start <= t && t <= x.end).map((x) => channelsOf(scene).find((c) => c.name === x.channel).label))] : [];
       if (crane) crane.show(angle, ghost, mode.value, parted.length > 0);
-      const head = value(m, "head_pressure") ?? (scene.holds ? null : value(m, "hose_pressure"));
-      colour({ hose: value(m, "hose_pressure"), rod: value(m, "rod_pressure"), head, supply: value(m, "supply_pressure") ?? scene.supply, tank: value(m, "tank_pressure") ?? scene.tank },
-        flows(k), [value(m, "retract_current"), value(m, "extend_current")], elapsed);
       plots.show(t, first(), last());
+      state.flowed += elapsed;
+      if (!state.playing || state.flowed >= FLOWING) flow(m, value, k);
       if (state.playing && performance.now() - state.read < READABLE) return;  // numbers that change faster cannot be read
       state.read = performance.now();
       slider.value = t;
       say(t, angle, ghost, parted);
+    }
+    function flow(m, value, k) {
+      const head = value(m, "head_pressure") ?? (scene.holds ? null : value(m, "hose_pressure"));
+      colour({ hose: value(m, "hose_pressure"), rod: value(m, "rod_pressure"), head, supply: value(m, "supply_pressure") ?? scene.supply, tank: value(m, "tank_pressure") ?? scene.tank },
+        flows(k), [value(m, "retract_current"), value(m, "extend_current")], state.flowed);
+      state.flowed = 0;
     }
     let before = performance.now();
     function frame(now) {
