@@ -148,7 +148,7 @@ def test_a_campaign_keeps_the_bags_and_what_ran_of_the_last(
     ends_in_the_second_bag(monkeypatch, SimulationError("at 1.500 s p_a left its range", 1.5, "p_a"))
     status, told = simulate(tmp_path, capsys, "--campaign", "cylinder", "--duration", "4")
     assert status == 2
-    assert "made/folded_slow holds the 1.5" in told and told.strip().endswith("1 whole bags beside it")
+    assert "made/folded_slow holds the 1.5" in told and told.strip().endswith("whole bags beside it: 1")
     assert sorted(p.name for p in (tmp_path / "made").iterdir()) == ["folded_slow", "folded_staircase"]
     assert load(tmp_path / "made" / "folded_slow").duration == pytest.approx(1.5, abs=0.03)
     assert load(tmp_path / "made" / "folded_staircase").duration == pytest.approx(4.0, abs=0.03)
@@ -160,7 +160,7 @@ def test_a_campaign_that_was_interrupted_says_what_is_in_the_way_of_the_next(
     ends_in_the_second_bag(monkeypatch, KeyboardInterrupt())
     status, told = simulate(tmp_path, capsys, "--campaign", "cylinder", "--duration", "4")
     assert status == 130
-    assert "made has 1 whole bags: remove it to begin again" in told
+    assert "made keeps its whole bags (1): remove it to begin again" in told
     assert [p.name for p in (tmp_path / "made").iterdir()] == ["folded_staircase"]
 
 

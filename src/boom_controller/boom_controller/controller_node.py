@@ -202,7 +202,10 @@ class ControllerNode(LifecycleNode):
             return SetParametersResult(successful=False, reason=reason)
         values = self._values | {p.name: p.value for p in changed}
         try:
-            settings_of(values), supervision_of(values)
+            settings_of(values)
+            limits = supervision_of(values).angles
+            if self._loop is not None and self._loop.configuration is not None:
+                limits(self._loop.configuration[0].angle_limits)
         except (ControlError, KeyError, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

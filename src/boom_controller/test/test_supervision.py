@@ -215,6 +215,8 @@ def test_limits_never_lie_beyond_the_stroke_and_exclude_each_other_with_a_reason
     assert SupervisionSettings(highest_angle=3.0).angles((-1.0, 1.6)) == (-1.0, 1.6)
     with pytest.raises(ControlError, match="highest_angle"):
         SupervisionSettings(lowest_angle=0.5, highest_angle=0.4)
+    with pytest.raises(ControlError, match=r"leave nothing of this boom.s -0\.300 to 1\.300 rad"):
+        SupervisionSettings(lowest_angle=1.5).angles((-0.3, 1.3))
 
 
 def test_every_setting_has_description_and_range() -> None:

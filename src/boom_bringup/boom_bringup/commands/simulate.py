@@ -305,11 +305,15 @@ def _campaign(args: argparse.Namespace, output: Path) -> int:
             with new_bag(output / error.recording.name) as made:
                 write_recording(made, error.recording)
             raise SimulateError(
-                f"{_ended(error, output / error.recording.name)}, {count} whole bags beside it"
+                f"{_ended(error, output / error.recording.name)}, whole bags beside it: {count}"
             ) from None
         except KeyboardInterrupt:
             if count:
-                print(f"boom: {output} has {count} whole bags: remove it to begin again", file=sys.stderr, flush=True)
+                print(
+                    f"boom: {output} keeps its whole bags ({count}): remove it to begin again",
+                    file=sys.stderr,
+                    flush=True,
+                )
             raise
     print(f"{count} bags in {output}; identify the machine from them: ./boom identify {output}/*")
     return 0

@@ -79,14 +79,14 @@ class ControlLoop:
         self.use(self.law.prepared(machine, pose))
 
     def use(self, laws: PreparedLaws) -> None:
-        """Control with these laws. Raises ControlError: the boom moves, or the machine has no use for the present mode."""
+        """Control with these laws. Raises ControlError: the boom moves, or the machine fits mode or limits not."""
         if self.supervision.moving:
             raise ControlError("the boom moves: stop it before the configuration changes")
-        self.law.use(laws)
         machine, pose = laws.configuration
-        self._note = unused_in_words(machine)
+        watch = MotionWatch.of(self.supervision.settings, machine, pose)
+        self.law.use(laws)
+        self._watch, self._note = watch, unused_in_words(machine)
         self.sensors.set_stroke(*machine.angle_limits)
-        self._watch = MotionWatch.of(self.supervision.settings, machine, pose)
         self._use_supervision(self.supervision.settings)
 
     def configuration_changes(self, now: float) -> None:
@@ -123,13 +123,13 @@ class ControlLoop:
             self.law.change_mode(mode, self.sensors.newest() if controlled else None, self.supervision.settings.blend)
 
     def _use_supervision(self, new: SupervisionSettings) -> None:
-        self.supervision.settings = new
-        r = self.references
-        r.deceleration, r.fastest, r.blend = new.stop_deceleration, new.largest_rate, new.blend
         if self._watch is not None and self.configuration is not None:
             low, high = new.angles(self.configuration[0].angle_limits)
             self._watch.settings, self._watch.angles = new, (low, high)
             self._angles = (low + new.angle_margin, high - new.angle_margin)
+        self.supervision.settings = new
+        r = self.references
+        r.deceleration, r.fastest, r.blend = new.stop_deceleration, new.largest_rate, new.blend
 
     def joint(self, angle: float, rate: float, stamp: float, measured: float) -> None:
         """Accept angle [rad] and rate [rad/s] with stamp [s] and time of measurement on the supervising clock [s]."""

@@ -56,8 +56,18 @@ class SupervisionSettings(Tunables):
             raise ControlError("highest_angle has to be above lowest_angle by more than twice the angle_margin")
 
     def angles(self, machine: tuple[float, float]) -> tuple[float, float]:
-        """Lowest and highest angle [rad] of a machine whose stroke ends at `machine`."""
-        return max(machine[0], self.lowest_angle), min(machine[1], self.highest_angle)
+        """Lowest and highest angle [rad] of a machine whose stroke ends at `machine`.
+
+        Raises:
+            ControlError: they leave no room for motion.
+        """
+        low, high = max(machine[0], self.lowest_angle), min(machine[1], self.highest_angle)
+        if high - low <= 2 * self.angle_margin:
+            given = f"lowest_angle {self.lowest_angle:g} rad and highest_angle {self.highest_angle:g} rad"
+            raise ControlError(
+                f"{given} leave nothing of this boom's {machine[0]:.3f} to {machine[1]:.3f} rad: change them"
+            )
+        return low, high
 
 
 SUPERVISION = specifications(SupervisionSettings)
