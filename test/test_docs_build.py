@@ -9,6 +9,7 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -38,6 +39,8 @@ def test_made_pages_are_up_to_date_and_every_link_and_picture_of_the_html_leads_
                 broken.append(f"{page.relative_to(site)}: {target}")
     assert broken == []
     assert (site / "docs" / "index.html").read_text(encoding="utf-8").count("<img ") == 6
+    for picture in site.rglob("*.svg"):  # a browser draws nothing of one that is no XML
+        ElementTree.parse(picture)
 
 
 def test_the_tutorial_runs_as_a_notebook(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -510,7 +510,7 @@ def _said_of_limits(case: Case, verdict: Verdict, moved: Mapping[str, Estimate])
     if ended and moved:
         said.append(f"{of_all(ended, AT_THE_END)}, {means}: {', '.join(ended)}")
     if beyond and verdict == "parameters_only":
-        said.append(f"{of_all(beyond, BEYOND)}, look these up: {', '.join(beyond)}")
+        said.append(f"{of_all(beyond, BEYOND)}, look {'it' if len(beyond) == 1 else 'these'} up: {', '.join(beyond)}")
     return said
 
 

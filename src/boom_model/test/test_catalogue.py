@@ -255,6 +255,13 @@ def test_piston_leakage_flows_from_the_higher_pressure(p: Any, effects: Any) -> 
     assert cylinder.leakage(1e7, 1e6, effects()) == 0.0
 
 
+def test_a_piston_seal_with_a_nick_leaks_with_the_root_of_the_pressure_and_the_same_at_100_bar(effects: Any) -> None:
+    e = effects(piston_leakage={"c": 1e-12, "n": 0.5})
+    assert cylinder.leakage(1.1e7, 1e6, e) == pytest.approx(1e-5)
+    assert cylinder.leakage(3.5e6, 1e6, e) == pytest.approx(0.5e-5)
+    assert cylinder.leakage(1e6, 3.5e6, e) == pytest.approx(-0.5e-5)
+
+
 def test_spool_leaks_into_each_port_by_its_own_line_of_the_pressure(effects: Any) -> None:
     """A port to the tank through c is -c p: its flow at a usual pressure, and a slope of c."""
     c = 2e-13
@@ -357,11 +364,12 @@ def test_gas_that_exchanges_heat_cools_when_it_is_hotter_than_at_rest(p: Any, ef
 # ---------------------------------------------------------------------------------------------- burst valve, pilot stage
 
 
-def test_setting_scales_the_limited_flow_and_keeps_the_free_one(p: Any, effects: Any) -> None:
-    e = effects(hose_burst_valve_setting={"r": 0.8})
-    for bar in (-5.0, -30.0):
-        ratio = float(hose_burst_valve.flow(bar * BAR, p, e)) / float(hose_burst_valve.flow(bar * BAR, p, effects()))
-        assert ratio == pytest.approx(0.8)
+def test_setting_moves_the_knee_and_keeps_the_slopes_before_and_behind_it(p: Any, effects: Any) -> None:
+    e, v = effects(hose_burst_valve_setting={"r": 0.8}), p.hose_burst_valve
+    limited = (0.8 * float(v.a30) + float(v.a31) * -40.0) / 60_000.0
+    assert float(hose_burst_valve.flow(-40.0 * BAR, p, e)) == pytest.approx(limited)
+    as_told = float(hose_burst_valve.flow(-0.01 * BAR, p, effects()))
+    assert float(hose_burst_valve.flow(-0.01 * BAR, p, e)) == pytest.approx(as_told, rel=1e-3)
     assert float(hose_burst_valve.flow(BAR, p, e)) == float(hose_burst_valve.flow(BAR, p, effects()))
     q = float(hose_burst_valve.flow(-30 * BAR, p, e))
     assert float(hose_burst_valve.pressure_drop(q, p, e)) == pytest.approx(-30 * BAR)

@@ -23,7 +23,7 @@ from boom_report.diagnosis.figure import figure
 from boom_report.diagnosis.report import html, write_diagnosis_report
 from boom_report.diagnosis.terminal import print_diagnosis
 from boom_report.diagnosis.where import strip
-from boom_report.diagnosis.words import headline, is_sure, shown, statement, what_it_is
+from boom_report.diagnosis.words import headline, in_file, is_sure, shown, statement, what_it_is
 
 VOID = {"meta", "br"}
 
@@ -135,13 +135,25 @@ def test_the_physics_is_not_taken_for_right_while_numbers_stand_at_the_end_of_th
     )
 
 
+def test_a_number_that_moved_stands_beside_what_the_file_says_of_it() -> None:
+    made = cases.changed("parameters_only", ())
+    key, e = next((k, e) for k, e in made.tolerances_used.items() if in_file(made.machine, k, e.unit))
+    told = html(made)
+    assert (
+        f"{in_file(made.machine, key, e.unit)} in the file" in told
+        and told.count(in_file(made.machine, key, e.unit)) >= 2
+    )
+    assert in_file(made.machine, "offset of the hose pressure transducer", "Pa") == ""
+    assert in_file(made.machine, "accumulators.p_g0_1", "Pa").endswith(" bar")
+
+
 def test_numbers_that_are_off_by_more_than_the_file_allows_are_not_within_their_tolerance():
     """An edge that was typed 29 % too small was told as 15 % and "within", where the file allows 10 %."""
     made = cases.changed("parameters_only", ())
     assert headline(made).startswith("Parameters within their tolerance explain")
-    beyond = "1 of 54 numbers is beyond the tolerance, look these up: main_valve_orifices.A_tb_max"
+    beyond = "1 of 54 numbers is beyond the tolerance, look it up: main_valve_orifices.A_tb_max"
     off = replace(made, notes=(*made.notes, beyond))
-    said = "but 1 of 54 numbers is beyond the tolerance: look these up before the physics is taken for right."
+    said = "but 1 of 54 numbers is beyond the tolerance: look it up before the physics is taken for right."
     assert headline(off).endswith(said) and "within" not in headline(off)
     assert "within" not in headline(replace(off, wrong=(next(iter(off.tolerances_used)),)))
     assert "moved within their tolerance" in html(made) and "moved within their tolerance" not in html(off)

@@ -30,7 +30,7 @@ QUANTITIES: dict[str, str] = {
     "throat": "orifice diameter of an accumulator [m]",
     "adiabat": "p_g0 of the adiabat on which an accumulator's gas is [Pa]; at.number, at.pressure, at.p",
     "entropy_rate": "rate of an accumulator's ln(p V_g^kappa) [1/s]; at.number",
-    "limited_flow": "a_21, a_30, a_31 of the hose burst valve",
+    "limited_flow": "a_30 of the hose burst valve",
     "limited_conductance": "q_a / (p_h - p_a) while it limits [m^3/s/Pa]",
     "valve_flow": "q_a through the valve between hose and head side [m^3/s]; at.hose, at.head, at.rod [Pa]",
     "set_pressure": "set pressure p_set of the load-holding valve [Pa]",

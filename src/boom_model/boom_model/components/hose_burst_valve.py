@@ -56,8 +56,7 @@ def smooth_node(a21: Expression, a30: Expression, a31: Expression) -> tuple[Expr
 def limited_branches(p: Any, e: Any) -> tuple[Expression, Expression, Expression]:
     """(a_21 [l/min/bar], a_30 [l/min], a_31 [l/min/bar])."""
     v = p.hose_burst_valve
-    a21, a30, a31 = (e.through("limited_flow", coefficient) for coefficient in (v.a21, v.a30, v.a31))
-    return a21, a30, a31
+    return v.a21, e.through("limited_flow", v.a30), v.a31
 
 
 def limited_conductance(drop: Expression, p: Any, e: Any) -> Expression:

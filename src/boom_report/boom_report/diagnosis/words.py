@@ -12,6 +12,7 @@ from boom_diagnosis.must_keep import far_channels
 from boom_diagnosis.wrong_number import in_words
 from boom_input.channels import PREDICTED
 from boom_model.catalogue import EFFECTS, SUBSYSTEM_NAMES, effect_name
+from boom_model.machine import Machine
 from boom_report.channels import number, probability
 
 VERDICTS = {
@@ -97,6 +98,17 @@ def shown(estimate: Estimate) -> Shown:
     return Shown(text(value), f"{text(low)} to {text(high)}", unit, _inverse(estimate))
 
 
+def in_file(machine: Machine, key: str, unit: str) -> str:
+    """What the machine file says of a number, in the unit of :func:`shown`; nothing of what it does not have."""
+    file = {
+        name: v
+        for p in machine.parameters.values()
+        for name, v in zip(p.specification.components, p.value, strict=True)
+    }
+    scale, people = SCALES.get(unit, (1.0, "" if unit == "-" else unit))
+    return f"{file[key] * scale:.4g} {people}".strip().replace("-", _MINUS) if key in file else ""
+
+
 def _inverse(estimate: Estimate) -> str:
     """For instance ", 1 / (8.9 to 9.1 l/min)"; empty for a number that people think of as it is, or that may be none."""
     low, high = estimate.interval_90
@@ -173,9 +185,8 @@ def _by_parameters(result: DiagnosisResult) -> str:
         return f"{in_words(result.wrong, result.or_wrong)}: {size}. That explains the difference{also}: the physics is right."
     these = f" ({moved})" if moved else ""
     if off:
-        return (
-            f"Parameters explain the difference{these}, but {off}: look these up before the physics is taken for right."
-        )
+        which = "it" if off.startswith("1 ") else "these"
+        return f"Parameters explain the difference{these}, but {off}: look {which} up before the physics is taken for right."
     said = f"Parameters within their tolerance explain the difference{these}: the physics is"
     p = max((row.probability for row in result.document.ranking if row.kind == "parameters"), default=1.0)
     return f"{said} right." if p >= SURE else f"{said} {is_sure(p)} right (confidence {probability(p)})."
