@@ -209,6 +209,17 @@ def test_options_have_precedence_and_a_urdf_gives_the_moments_of_the_pose(answer
     assert str(machine.parameters["fluid.beta"].tol) == "factor 2"
 
 
+def test_what_no_answer_told_and_was_taken_as_proposed_is_said(
+    answers: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A set pressure that a data sheet tells, forgotten in the answers, was 180 bar without a word."""
+    given = words({"cylinder_valve": "load_holding", "pilot_ratio": 3.0})
+    common = ["new-machine", "--answers", str(answers), *given, "--no-manoeuvre", "--output"]
+    assert cli.main([*common, str(tmp_path / "a.yaml")]) == 0
+    (line,) = (row for row in capsys.readouterr().out.splitlines() if row.startswith("taken as proposed"))
+    assert "set_pressure 180 bar" in line and "pilot_ratio" not in line and "lift_flow" not in line
+
+
 def test_yes_and_no_in_a_file_of_answers_are_words_as_on_the_command_line(answers: Path, tmp_path: Path) -> None:
     with answers.open("a", encoding="utf-8") as file:
         file.write("compensator: yes\n")

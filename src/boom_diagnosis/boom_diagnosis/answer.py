@@ -289,7 +289,10 @@ def notes_of(bags: Sequence[Bag], proving: Sequence[Bag], weak: Mapping[str, str
     for bag in bags:
         notes += [f"{bag.name}: {_untold(name)}" for name in OUTPUTS if name in bag.lacking]
         notes += [f"{bag.name}: {said}" for said in bag.left_out()]
-    return (*notes, *(f"{bag.name}: {said}" for bag in (*bags, *proving) for said in bag.recording.warnings))
+    return (
+        *notes,
+        *(f"{bag.name}: {said}" for bag in (*bags, *proving) for said in (*bag.stuck(), *bag.recording.warnings)),
+    )
 
 
 def _untold(channel: str) -> str:

@@ -243,6 +243,13 @@ class Bag:
         )  # fmt: skip
         return [f"{PERIOD * float(flags.sum()):.1f} s are left out: {text}" for flags, text in why if flags.any()]
 
+    def stuck(self) -> list[str]:
+        """Sentences that say which sensor stood still, and when."""
+        return [
+            f"{event.detail}, from {event.start_s:.1f} s: left out, look at the sensor and at the logger"
+            for event in self.recording.events if event.kind == "stuck"
+        ]  # fmt: skip
+
     def strokes(self, machine: Machine) -> Array:
         """(n,) piston position [m] at the measured angle, between its samples by lines."""
         angle = self.samples().measured[:, OUTPUTS.index("angle")]

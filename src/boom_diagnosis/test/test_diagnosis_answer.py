@@ -17,6 +17,7 @@ from boom_diagnosis.case import Case
 from boom_diagnosis.coordinates import all_coordinates
 from boom_diagnosis.document import Fit
 from boom_diagnosis.hypotheses import Round
+from boom_recording.recording import Event
 
 OFF = Fit({}, {"parameters_only": (0.1,) * 4}, (0.01,) * 4, ("b",))
 """All channels at ten times their floor."""
@@ -25,12 +26,13 @@ OFF = Fit({}, {"parameters_only": (0.1,) * 4}, (0.01,) * 4, ("b",))
 def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
     def bag(name: str, warnings: list[str], cavitating: int, lacking: Sequence[str] = (), strays: float = 0.0) -> Any:
         lost = np.arange(1000) < cavitating
-        recording = SimpleNamespace(warnings=warnings)
+        events = [Event("stuck", "/boom/hose_pressure", 3.0, 5.0, 199, "hose_pressure repeats 1e+07 Pa for 2.00 s")]
+        recording = SimpleNamespace(warnings=warnings, events=events if name == "c" else [])
         currents = SimpleNamespace(strays=strays)
         made = SimpleNamespace(
             name=name, cavitating=lost, ended=lost[::-1], recording=recording, lacking=frozenset(lacking), currents=currents
         )  # fmt: skip
-        made.left_out = partial(Bag.left_out, made)
+        made.left_out, made.stuck = partial(Bag.left_out, made), partial(Bag.stuck, made)
         return made
 
     case.bags, case.proving = (
@@ -45,7 +47,8 @@ def test_what_is_damaged_or_left_out_of_a_recording_is_said(case: Any) -> None:
     assert evaporating.startswith("a: 1.5 s are left out") and "evaporates" in evaporating
     assert ended.startswith("a: 1.5 s are left out: the boom stands at an end of its range")
     assert untold == "b: the rate was not measured: what only it shows cannot be told, rate scale among it"
-    assert damaged == ["b: cut.mcap: the file is cut", "c: no index"]
+    stands = "c: hose_pressure repeats 1e+07 Pa for 2.00 s, from 3.0 s: left out, look at the sensor and at the logger"
+    assert damaged == ["b: cut.mcap: the file is cut", stands, "c: no index"]
 
 
 def test_an_effect_that_no_boom_can_have_is_not_weighed_but_said(monkeypatch: pytest.MonkeyPatch, case: Any) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -104,6 +104,18 @@ def show_machine(path: Path, machine: Machine) -> None:
         if not row.meaning.startswith("tolerance"):
             table.add_row(row.meaning, row.value)
     console.print(table)
+
+
+def show_assumed(proposed: Collection[str]) -> None:
+    """What no answer told, so that nobody takes a proposal for the data sheet's number."""
+    from boom_model.owner.questions import QUESTIONS
+    from boom_report.console import console_for
+
+    taken = [f"{q.key} {q.shown} {q.unit}".strip() for q in QUESTIONS if q.key in proposed]
+    if taken:
+        console_for().print(
+            f"taken as proposed, as no answer told it: {', '.join(taken)}", soft_wrap=True, highlight=False
+        )
 
 
 def tell(machine: Machine, recordings: dict[str, Recording], manoeuvre: Path | None, *, search: bool) -> dict[str, Any]:

@@ -97,6 +97,8 @@ def run(args: argparse.Namespace) -> int:
     machine = _new_machine.checked_machine(text, output)
     write_new_text(output, text)
     _new_machine.show_machine(output, machine)
+    if not ask:
+        _new_machine.show_assumed(proposed)
     told = _new_machine.tell(machine, recordings, manoeuvre, search=not args.no_manoeuvre)
     if json_path:
         write_json(json_path, {"machine": str(output), "answers": answers, **told})

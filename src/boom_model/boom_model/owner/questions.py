@@ -150,8 +150,8 @@ QUESTIONS: tuple[Question, ...] = (
     ),
     Question("opening_pressure", "pilot pressure at the opening current", "bar", 0.5, 60.0, 6.0, only=_PILOT),
     Question("full_pressure", "pilot pressure at the full current", "bar", 2.0, 100.0, 22.0, only=_PILOT),
-    Question("lift_flow", "data sheet: flow of the fully open valve, lifting", "l/min", 0.5, 2000.0),
-    Question("lower_flow", "data sheet: flow of the fully open valve, lowering", "l/min", 0.5, 2000.0),
+    Question("lift_flow", "data sheet: flow of the fully open valve, lifting: P-A, B-T", "l/min", 0.5, 2000.0),
+    Question("lower_flow", "data sheet: flow of the fully open valve, lowering: P-B, and half of it A-T", "l/min", 0.5, 2000.0),
     Question("flow_drop", "data sheet: pressure drop over one edge at which these flows hold", "bar", 0.5, 400.0, 5.0),
     Question(
         "cylinder_valve", "is a load-holding valve (over-centre, counterbalance) or a hose burst valve screwed to the cylinder?",
