@@ -427,6 +427,14 @@ def test_an_answer_in_another_unit_is_refused() -> None:
         BY_KEY["closed_length"].checked("1.6 mm")
 
 
+@pytest.mark.parametrize(("key", "given", "meant"), [("q3", 34, "0.593 rad"), ("full_current", 600, "0.6 A")])
+def test_an_answer_in_degrees_or_milliamperes_is_refused_with_what_it_is_in_the_unit_asked(
+    key: str, given: float, meant: str
+) -> None:
+    with pytest.raises(MachineError, match=f"did you mean {meant}"):
+        BY_KEY[key].checked(given)
+
+
 def test_a_compensator_keeps_the_drop_at_which_the_flows_of_the_data_sheet_hold(answers: Path, tmp_path: Path) -> None:
     """59 l/min at 9 bar had become 56, as the margin stayed at 8."""
     path = tmp_path / "crane.yaml"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, radians
 from typing import Any
 
 from boom_model.errors import MachineError, nearest
@@ -80,7 +80,8 @@ class Question:
                 f"{self.key}: {given} is no number of {self.low:g} .. {self.high:g} {self.unit}".rstrip()
             )
         if not self.low <= value <= self.high:
-            meant = f"; did you mean {value / 1000:g} {self.unit}?" if self.low <= value / 1000 <= self.high else ""
+            other = radians(value) if self.unit == "rad" else value / 1000  # degrees, or mm and mA
+            meant = f"; did you mean {other:.3g} {self.unit}?" if self.low <= other <= self.high else ""
             raise MachineError(
                 f"{self.key}: {given} is not in {self.low:g} .. {self.high:g} {self.unit}{meant}".rstrip()
             )
