@@ -160,7 +160,7 @@ def test_a_campaign_that_was_interrupted_says_what_is_in_the_way_of_the_next(
     ends_in_the_second_bag(monkeypatch, KeyboardInterrupt())
     status, told = simulate(tmp_path, capsys, "--campaign", "cylinder", "--duration", "4")
     assert status == 130
-    assert "made keeps its whole bags (1): remove it to begin again" in told
+    assert "made has whole bags, 1: remove it to begin again" in told
     assert [p.name for p in (tmp_path / "made").iterdir()] == ["folded_staircase"]
 
 

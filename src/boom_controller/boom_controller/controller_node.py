@@ -196,16 +196,13 @@ class ControllerNode(LifecycleNode):
 
     def _check_parameters(self, changed: list[Any]) -> Any:
         if any(p.name == "use_sim_time" and p.value != self.get_parameter(p.name).value for p in changed):
-            reason = (
-                "use_sim_time cannot change while the controller runs: its samples would seem old; set it at the start"
-            )
+            reason = "use_sim_time cannot change while the controller runs (samples would seem old): set it at start"
             return SetParametersResult(successful=False, reason=reason)
         values = self._values | {p.name: p.value for p in changed}
         try:
             settings_of(values)
-            limits = supervision_of(values).angles
-            if self._loop is not None and self._loop.configuration is not None:
-                limits(self._loop.configuration[0].angle_limits)
+            limits, used = supervision_of(values).angles, self._loop and self._loop.configuration
+            used and limits(used[0].angle_limits)
         except (ControlError, KeyError, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

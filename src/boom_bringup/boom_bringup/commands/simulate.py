@@ -309,11 +309,7 @@ def _campaign(args: argparse.Namespace, output: Path) -> int:
             ) from None
         except KeyboardInterrupt:
             if count:
-                print(
-                    f"boom: {output} keeps its whole bags ({count}): remove it to begin again",
-                    file=sys.stderr,
-                    flush=True,
-                )
+                print(f"boom: {output} has whole bags, {count}: remove it to begin again", file=sys.stderr, flush=True)
             raise
     print(f"{count} bags in {output}; identify the machine from them: ./boom identify {output}/*")
     return 0
