@@ -201,8 +201,7 @@ class ControllerNode(LifecycleNode):
         values = self._values | {p.name: p.value for p in changed}
         try:
             settings_of(values)
-            limits, used = supervision_of(values).angles, self._loop and self._loop.configuration
-            used and limits(used[0].angle_limits)
+            supervision_of(values).check(self._loop and self._loop.configuration)
         except (ControlError, KeyError, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

@@ -79,7 +79,7 @@ class ControlLoop:
         self.use(self.law.prepared(machine, pose))
 
     def use(self, laws: PreparedLaws) -> None:
-        """Control with these laws. Raises ControlError: the boom moves, or the machine fits mode or limits not."""
+        """Control with these laws. Raises ControlError: the boom moves, or mode or limits do not fit the machine."""
         if self.supervision.moving:
             raise ControlError("the boom moves: stop it before the configuration changes")
         machine, pose = laws.configuration

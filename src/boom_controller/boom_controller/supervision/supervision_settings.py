@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from boom_controller.errors import ControlError
 from boom_controller.settings import Tunables, specifications, tunable
+from boom_model.machine import Machine, Pose
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,11 @@ class SupervisionSettings(Tunables):
                 f"{given} leave nothing of this boom's {machine[0]:.3f} to {machine[1]:.3f} rad: change them"
             )
         return low, high
+
+    def check(self, used: tuple[Machine, Pose] | None) -> None:
+        """Raise what :meth:`angles` does where they do not fit the machine that is used, if there is one."""
+        if used is not None:
+            self.angles(used[0].angle_limits)
 
 
 SUPERVISION = specifications(SupervisionSettings)

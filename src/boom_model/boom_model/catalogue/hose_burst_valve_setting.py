@@ -10,7 +10,7 @@ EFFECT = Effect(
     ("the hose burst valve", "limits at another flow"), "plateau speed when lowering fast",
     (
         parameter("r", "-", 1.0, (0.6, 1.2), (0.1, 5.0), "factor of the limited flow", positive=True,
-                  starts=(0.75, 1.12), form=0.15),  # a set spring moves the knee, and not the slope before it
+                  starts=(0.75, 1.12), form=0.15),  # other valves move the slopes, too
     ),
     {"limited_flow": lambda coefficient, own, at: coefficient * own.r},
     place=2, needs="hose_burst_valve",

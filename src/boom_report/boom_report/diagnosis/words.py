@@ -81,9 +81,7 @@ class Shown:
 def shown(estimate: Estimate) -> Shown:
     """An estimate in the unit that people use, with as many digits as its interval deserves."""
     low, high = estimate.interval_90
-    scale, unit = SCALES.get(estimate.unit, (1.0, "" if estimate.unit == "-" else estimate.unit))
-    if estimate.unit == "s" and max(abs(estimate.value), abs(high)) < 1.0:
-        scale, unit = 1e3, "ms"
+    scale, unit = _for_people(estimate)
     value, low, high = (v * scale for v in (estimate.value, low, high))
     width = high - low
     if not (math.isfinite(width) and math.isfinite(value)):
@@ -98,15 +96,23 @@ def shown(estimate: Estimate) -> Shown:
     return Shown(text(value), f"{text(low)} to {text(high)}", unit, _inverse(estimate))
 
 
-def in_file(machine: Machine, key: str, unit: str) -> str:
-    """What the machine file says of a number, in the unit of :func:`shown`; nothing of what it does not have."""
-    file = {
-        name: v
-        for p in machine.parameters.values()
-        for name, v in zip(p.specification.components, p.value, strict=True)
-    }
-    scale, people = SCALES.get(unit, (1.0, "" if unit == "-" else unit))
-    return f"{file[key] * scale:.4g} {people}".strip().replace("-", _MINUS) if key in file else ""
+def _for_people(estimate: Estimate) -> tuple[float, str]:
+    """Factor and name of the unit that people use for a number."""
+    if estimate.unit == "s" and max(abs(estimate.value), abs(estimate.interval_90[1])) < 1.0:
+        return 1e3, "ms"
+    return SCALES.get(estimate.unit, (1.0, "" if estimate.unit == "-" else estimate.unit))
+
+
+def in_file(machine: Machine, key: str, estimate: Estimate) -> str:
+    """What the machine file says of a number, in the unit in which its estimate is shown; nothing of what it does not have."""
+    scale, unit = _for_people(estimate)
+    said = (
+        f"{value * scale:.4g}".replace("-", _MINUS) + f" {unit}".rstrip()
+        for parameter in machine.parameters.values()
+        for name, value in zip(parameter.specification.components, parameter.value, strict=True)
+        if name == key
+    )
+    return next(said, "")
 
 
 def _inverse(estimate: Estimate) -> str:

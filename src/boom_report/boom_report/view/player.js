@@ -2,7 +2,7 @@
 // One player for a recording, a report and the running machine: time, crane, scheme, plots, marks.
 (function () {
   const SMOOTH = 0.08;  // s that a live picture lags: samples arrive in batches
-  const FLOWING = 0.03;  // s between two pictures of the scheme: painting it takes a sixth of a frame
+  const FLOWING = 0.03;  // s between two pictures of the scheme: painting it takes a seventh of a frame
   const READABLE = 100;  // ms between two texts, and between two drawings of curves that grow
   const channelsOf = (scene) => scene.channels;
 
