@@ -14,6 +14,7 @@ from headless_browser import faults
 
 from boom_diagnosis.document import Alternative, Estimate, Fit, RankingRow
 from boom_model.catalogue import EFFECTS
+from boom_model.machine_file import shipped_machine
 from boom_model.sensors import OUTPUTS
 from boom_recording.recording import Event
 from boom_report.channels import probability
@@ -142,6 +143,9 @@ def test_a_number_that_moved_stands_beside_what_the_file_says_of_it() -> None:
     assert f"{beside} in the file" in told and told.count(beside) >= 2
     assert in_file(made.machine, "offset of the hose pressure transducer", e) == ""
     assert in_file(made.machine, "accumulators.p_g0_1", Estimate(7e6, "Pa", (6e6, 8e6))).endswith(" bar")
+    assert in_file(made.machine, "fluid.beta", Estimate(1.6e9, "Pa", (1.5e9, 1.7e9))) == "16000 bar"
+    direct, key = shipped_machine("triangle_direct"), "main_valve_spool.T_s"
+    assert in_file(direct, key, Estimate(0.05, "s", (0.04, 0.06))) == "40 ms"
 
 
 def test_numbers_that_are_off_by_more_than_the_file_allows_are_not_within_their_tolerance():

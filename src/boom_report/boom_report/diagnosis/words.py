@@ -107,7 +107,7 @@ def in_file(machine: Machine, key: str, estimate: Estimate) -> str:
     """What the machine file says of a number, in the unit in which its estimate is shown; nothing of what it does not have."""
     scale, unit = _for_people(estimate)
     said = (
-        f"{value * scale:.4g}".replace("-", _MINUS) + f" {unit}".rstrip()
+        f"{float(f'{value * scale:.4g}'):g}".replace("-", _MINUS) + f" {unit}".rstrip()
         for parameter in machine.parameters.values()
         for name, value in zip(parameter.specification.components, parameter.value, strict=True)
         if name == key
