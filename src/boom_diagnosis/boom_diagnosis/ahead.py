@@ -25,9 +25,9 @@ def compiled_ahead(machine: Machine) -> Iterator[None]:
     """
     done = Event()
 
-    def compile_one(model: tuple[tuple[str, ...], bool]) -> None:
+    def compile_one(model: tuple[Machine, bool]) -> None:
         if not done.is_set():
-            compile_catalogued(machine.structure, model[0], sensitive=model[1])
+            compile_catalogued(model[0], sensitive=model[1])
 
     def work() -> None:
         with suppress(BuildError, ModelError):
@@ -45,8 +45,8 @@ def compiled_ahead(machine: Machine) -> Iterator[None]:
             thread.join()
 
 
-def _models(machine: Machine) -> list[tuple[str, ...]]:
-    """Effects of the models: of the machine as it is, then of each further set of states."""
+def _models(machine: Machine) -> list[Machine]:
+    """What is compiled: the machine as it is, then with each further set of states."""
     possible = possible_effects(machine.structure.has, tuple(machine.effects))
     stateful = [effect for effect, _ in side_by_side([(e, {}) for e in possible if EFFECTS[e].states])]
-    return [tuple(sorted(carrying(machine, also).effects)) for also in ((), *([effect] for effect in stateful))]
+    return [carrying(machine, also) for also in ((), *([effect] for effect in stateful))]

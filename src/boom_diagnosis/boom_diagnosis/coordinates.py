@@ -108,6 +108,7 @@ def starts(
                 for r in effect.parameters
             }
             for row in effect.parameters
+            if not row.of
         ]
     base = {f"effects.{effect.id}.{row.name}": row.neutral for row in effect.parameters}
     base[f"effects.{effect.id}.{first.name}"] = first.neutral + _SHARE * (first.high - first.neutral)

@@ -53,11 +53,11 @@ ONSETS = 15
 
 
 def _carrying(machine: Machine, stateful: Iterable[str]) -> Machine:
-    """The machine with all effects that need no state but the time at their neutral values, and with ``stateful`` ones."""
+    """The machine with all effects that need no state but the time at their neutral values, and the states of ``stateful`` ones."""
     effects: dict[str, dict[str, float]] = {}
     for effect in CATALOGUE:
-        if machine.structure.has(effect.needs) and (effect.light or effect.id in stateful):
-            effects[effect.id] = {row.name: row.neutral for row in effect.parameters}
+        if machine.structure.has(effect.needs) and (effect.light or effect.moving or effect.id in stateful):
+            effects[effect.id] = effect.at_nothing(moving=effect.id in stateful)
     return replace(machine, effects=check_effects(effects) | {k: dict(v) for k, v in machine.effects.items()})
 
 

@@ -59,11 +59,11 @@ _BUILDING = RLock()
 
 
 def carrying(machine: Machine, stateful: Iterable[str] = ()) -> Machine:
-    """The machine with all effects that need no state at their neutral values, and with ``stateful`` ones."""
+    """The machine with all effects that need no state at their neutral values, and with the states of ``stateful`` ones."""
     effects: dict[str, dict[str, float]] = {}
     for effect in CATALOGUE:
-        if machine.structure.has(effect.needs) and (not effect.states or effect.id in stateful):
-            effects[effect.id] = {row.name: row.neutral for row in effect.parameters}
+        if machine.structure.has(effect.needs) and (not effect.stateful(()) or effect.id in stateful):
+            effects[effect.id] = effect.at_nothing(moving=effect.id in stateful)
     return replace(machine, effects=check_effects(effects) | {k: dict(v) for k, v in machine.effects.items()})
 
 
@@ -244,8 +244,10 @@ class Predictor:
 
 def with_states(values: Values) -> frozenset[str]:
     """Effects with states among the values."""
-    named = {name.split(".")[1] for name in values if name.startswith("effects.")}
-    return frozenset(effect for effect in named if EFFECTS[effect].states)
+    named = dict[str, list[str]]()
+    for _, effect, number in (name.split(".") for name in values if name.startswith("effects.")):
+        named.setdefault(effect, []).append(number)
+    return frozenset(effect for effect, numbers in named.items() if EFFECTS[effect].stateful(numbers))
 
 
 def _at_first(plant: Plant) -> dict[str, float]:

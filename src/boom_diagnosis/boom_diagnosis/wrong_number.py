@@ -99,8 +99,8 @@ def _wrong_for_sure(opened: Opened) -> bool:
 
 
 def _laboured(case: Case) -> float:
-    """Nats by which effects that explain all strain tolerances beside them; 0 where these may as well be nominal."""
-    nats = _strain(case, case.last, case.taken[-1].fitted.coordinates) if case.taken else 0.0
+    """Nats by which all being explained strains tolerances, alone or beside effects; 0 where these may as well be nominal."""
+    nats = _strain(case, case.last, case.taken[-1].fitted.coordinates if case.taken else ())
     return nats if noticed(nats, int(case.ended(case.last).sum())) else 0.0
 
 

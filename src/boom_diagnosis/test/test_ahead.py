@@ -11,6 +11,7 @@ from boom_diagnosis.ahead import compiled_ahead
 from boom_diagnosis.prediction import carrying
 from boom_model.catalogue import CATALOGUE
 from boom_model.errors import BuildError
+from boom_model.machine import Machine
 from boom_model.machine_file import load_machine
 
 TZ17 = load_machine("tz17")
@@ -27,8 +28,8 @@ def test_the_models_that_a_look_at_all_effects_needs_are_compiled_the_machines_o
     asked, all_done = list[tuple[tuple[str, ...], bool]](), Event()
     stateful = [e.id for e in CATALOGUE if e.states and TZ17.structure.has(e.needs)]
 
-    def compiled(_: object, effects: tuple[str, ...], *, sensitive: bool) -> None:
-        asked.append((effects, sensitive))
+    def compiled(machine: Machine, *, sensitive: bool) -> None:
+        asked.append((tuple(sorted(machine.effects)), sensitive))
         if len(asked) == 2 + len(stateful):
             all_done.set()
 
@@ -44,8 +45,8 @@ def test_nothing_more_is_compiled_once_the_search_is_done(monkeypatch: pytest.Mo
     asked, begun, left = list[tuple[str, ...]](), Event(), Event()
     monkeypatch.setattr(ahead, "Event", lambda: left)
 
-    def compiled(_: object, effects: tuple[str, ...], *, sensitive: bool) -> None:
-        asked.append(effects)
+    def compiled(machine: Machine, *, sensitive: bool) -> None:
+        asked.append(tuple(machine.effects))
         begun.set()
         left.wait(20.0)
 

@@ -86,19 +86,17 @@ class CompiledModel:
     @cached_property
     def abreast(self) -> CDLL:
         """The observer for ``LANES`` parameter vectors at once, compiled on first use."""
-        effects = tuple(sorted(self.machine.effects))
-        return _catalogued_abreast(self.machine.structure, effects, self._kind, self._discrepancies)
+        return _catalogued_abreast(*_parts(self.machine), self._kind, self._discrepancies)
 
     def sensitive_to(self, moved: Collection[str]) -> CDLL:
         """The observer with derivatives of its innovations by the machine's numbers and by those of the effects ``moved``.
 
         Compiled on first use; derivatives by other effects' numbers are zero where they do nothing.
         """
-        effects = tuple(sorted(self.machine.effects))
         if self._kind == "reduced" or self.machine.learned:
             return build_sensitive(self.equations)
         return _catalogued_sensitive(
-            self.machine.structure, effects, self._discrepancies, tuple(sorted({*TOLERATED, *moved} & {*effects}))
+            *_parts(self.machine), self._discrepancies, tuple(sorted({*TOLERATED, *moved} & {*self.machine.effects}))
         )
 
     @cached_property
@@ -132,63 +130,76 @@ def pointer(array: Array) -> Any:
 
 def _compiled(machine: Machine, kind: Kind, discrepancies: bool) -> tuple[Equations, CDLL]:
     """The model's equations and its integrator, without numbers."""
-    effects = tuple(sorted(machine.effects))
+    parts = _parts(machine)
     if not machine.learned:
-        return _catalogued(machine.structure, effects, kind, discrepancies)
-    equations = _equations(machine.structure, effects, kind, discrepancies, machine.learned)
+        return _catalogued(*parts, kind, discrepancies)
+    equations = _equations(*parts, kind, discrepancies, machine.learned)
     return equations, build(equations)
+
+
+def _parts(machine: Machine) -> tuple[Structure, tuple[str, ...], frozenset[str]]:
+    """What the equations of a machine are made of: its structure, its effects in order, and those of them without their states."""
+    return machine.structure, tuple(sorted(machine.effects)), machine.still
 
 
 def _equations(
     structure: Structure,
     effects: tuple[str, ...],
+    still: frozenset[str],
     kind: Kind,
     discrepancies: bool,
     learned: tuple[LearnedTerm, ...] = (),
 ) -> Equations:
     if kind == "full":
-        return full_model(structure, effects, learned, discrepancies)
+        return full_model(structure, effects, learned, discrepancies, still=still)
     return reduced_model(structure, effects, learned)
 
 
-def compile_catalogued(structure: Structure, effects: tuple[str, ...], *, sensitive: bool = False) -> None:
-    """Compiles the full model with these effects (sorted), alone and side by side, with derivatives if ``sensitive``.
+def compile_catalogued(machine: Machine, *, sensitive: bool = False) -> None:
+    """Compiles the full model of a machine with its effects, alone and side by side, with derivatives if ``sensitive``.
 
     Raises:
         BuildError: no C compiler.
         ModelError: an effect that this structure cannot have.
     """
-    _catalogued(structure, effects, "full", False)
+    parts = _parts(machine)
+    _catalogued(*parts, "full", False)
     if sensitive:
-        _catalogued_sensitive(structure, effects, False, tuple(sorted({*TOLERATED} & {*effects})))
-    _catalogued_abreast(structure, effects, "full", False)
+        _catalogued_sensitive(*parts, False, tuple(sorted({*TOLERATED} & {*machine.effects})))
+    _catalogued_abreast(*parts, "full", False)
 
 
 @lru_cache(maxsize=64)
 def _catalogued(
-    structure: Structure, effects: tuple[str, ...], kind: Kind, discrepancies: bool
+    structure: Structure, effects: tuple[str, ...], still: frozenset[str], kind: Kind, discrepancies: bool
 ) -> tuple[Equations, CDLL]:
     """Cached: writing the source costs as much as a run of a minute."""
-    equations = _equations(structure, effects, kind, discrepancies)
-    return equations, build(_guarded(structure, effects, discrepancies) if kind == "full" else equations)
+    equations = _equations(structure, effects, still, kind, discrepancies)
+    return equations, build(_guarded(structure, effects, still, discrepancies) if kind == "full" else equations)
 
 
 @lru_cache(maxsize=64)
-def _catalogued_abreast(structure: Structure, effects: tuple[str, ...], kind: Kind, discrepancies: bool) -> CDLL:
+def _catalogued_abreast(
+    structure: Structure, effects: tuple[str, ...], still: frozenset[str], kind: Kind, discrepancies: bool
+) -> CDLL:
     if kind == "full":
-        return build(_guarded(structure, effects, discrepancies), LANES)
-    return build(_catalogued(structure, effects, kind, discrepancies)[0], LANES)
+        return build(_guarded(structure, effects, still, discrepancies), LANES)
+    return build(_catalogued(structure, effects, still, kind, discrepancies)[0], LANES)
 
 
 @lru_cache(maxsize=64)
 def _catalogued_sensitive(
-    structure: Structure, effects: tuple[str, ...], discrepancies: bool, moved: tuple[str, ...]
+    structure: Structure, effects: tuple[str, ...], still: frozenset[str], discrepancies: bool, moved: tuple[str, ...]
 ) -> CDLL:
-    return build_sensitive(_guarded(structure, effects, discrepancies, moved))
+    return build_sensitive(_guarded(structure, effects, still, discrepancies, moved))
 
 
 @lru_cache(maxsize=64)
 def _guarded(
-    structure: Structure, effects: tuple[str, ...], discrepancies: bool, but: tuple[str, ...] = ()
+    structure: Structure,
+    effects: tuple[str, ...],
+    still: frozenset[str],
+    discrepancies: bool,
+    but: tuple[str, ...] = (),
 ) -> Equations:
-    return full_model(structure, effects, discrepancies=discrepancies, guarded={*effects} - {*but})
+    return full_model(structure, effects, discrepancies=discrepancies, guarded={*effects} - {*but}, still=still)

@@ -121,6 +121,7 @@ class _Wiring:
         discrepancies: bool = False,
         guarded: Collection[str] = (),
         stateful: bool = True,
+        still: Collection[str] = (),
     ) -> None:
         self.structure = structure
         self.learned = tuple(learned)
@@ -141,7 +142,7 @@ class _Wiring:
             name: {row.name: symbols[f"effects.{name}.{row.name}"] for row in EFFECTS[name].parameters}
             for name in self.effects
         }
-        self.e = Terms(numbers, self, guarded=guarded, stateful=stateful)
+        self.e = Terms(numbers, self, guarded=guarded, stateful=stateful, still=still)
         self.states: list[State] = []
         self.symbols: dict[str, Any] = {}
         self.rates: dict[str, Any] = {}
@@ -290,6 +291,7 @@ class _Wiring:
             "friction_torque": ("N m", self.friction),
             "gravity_torque": ("N m", self.gravity),
         }
+        outputs = sensors.measured(self.seen_angle, self.seen_rate, hose_pressure, rod_pressure, self.e)
         names = [state.name for state in self.states]
         return Equations(
             kind=kind,
@@ -301,7 +303,7 @@ class _Wiring:
             u=self.u,
             p=self.p_vector,
             derivative=ca.vertcat(*(self.rates[name] for name in names)),
-            outputs=sensors.measured(self.seen_angle, self.seen_rate, hose_pressure, rod_pressure, self.e),
+            outputs=outputs,
             auxiliary=auxiliary,
             valve=self.valve_states,
         )
@@ -313,16 +315,17 @@ def full_model(
     learned: Sequence[LearnedTerm] = (),
     discrepancies: bool = False,
     guarded: Collection[str] = (),
+    still: Collection[str] = (),
 ) -> Equations:
     """The full model (5.39a-u); 11 states (5.40) for the thesis' structure, fewer or more for others.
 
     discrepancies: with a further state for each place at which something may be missing (``discrepancy_state``). guarded: effects
-    that cost next to nothing while they do nothing, as in :class:`Terms`.
+    that cost next to nothing while they do nothing, still: those without their states; as in :class:`Terms`.
 
     Raises:
         ModelError: an effect needs a component that the structure does not have.
     """
-    w = _Wiring(structure, effects, learned, discrepancies, guarded)
+    w = _Wiring(structure, effects, learned, discrepancies, guarded, still=still)
     p, e = w.p, w.e
     w.kinematics()
     p_a, p_b = w.add_pressure("head_pressure", "p_a"), w.add_pressure("rod_pressure", "p_b")

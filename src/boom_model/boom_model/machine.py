@@ -153,6 +153,17 @@ class Machine:
         return replace(self, structure=structure, parameters=parameters)
 
     @property
+    def still(self) -> frozenset[str]:
+        """Active effects that have states, but none with the numbers that they have here."""
+        rows = {
+            name: [row.name for row in EFFECTS[name].parameters if given.get(row.name, row.neutral) != row.neutral]
+            for name, given in self.effects.items()
+        }
+        return frozenset(
+            name for name, moved in rows.items() if EFFECTS[name].states and not EFFECTS[name].stateful(moved)
+        )
+
+    @property
     def holds(self) -> bool:
         """As :func:`boom_model.equations.valve_holds`."""
         return valve_holds(self.structure, self.effects)

@@ -83,7 +83,8 @@ class Plant(CompiledModel):
         Raises:
             ModelError: the machine has other components or other active effects.
         """
-        if machine.structure != self.machine.structure or set(machine.effects) != set(self.machine.effects):
+        own = self.machine
+        if (machine.structure, set(machine.effects), machine.still) != (own.structure, set(own.effects), own.still):
             raise ModelError(f"machine {machine.name} has other components or effects: make a new Plant")
         other = copy(self)
         other.machine, other.pose = machine, pose

@@ -65,7 +65,7 @@ def shown(plant: Any, wanted: Array, parameters: Array | None, inputs: Any) -> A
     The outputs are linear in the states, but what else depends on these, as a sag does on the angle, asks for some steps.
     """
     which = [OUTPUTS.index(n) for n in _RESTING]
-    own = np.array([float(n in (*_RESTING, "head_pressure")) for n in plant.state_names])
+    own = np.array([float(n == "angle" or n.endswith("_pressure")) for n in plant.state_names])
     slope = (plant.outputs(own, None, parameters) - plant.outputs(0.0 * own, None, parameters))[which]
     sought = wanted
     for _ in range(_SETTLING):

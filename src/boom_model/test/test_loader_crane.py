@@ -389,6 +389,30 @@ def test_supply_variation_is_another_level_and_an_orifice_in_series(effects: Any
     assert flow == pytest.approx(conductance * sqrt(drop - 1e12 * flow**2))
 
 
+def test_supply_falls_with_the_flow_and_its_square_at_once_where_nothing_lags(effects: Any) -> None:
+    e = effects(supply_variation={"k": 1e12, "r": 2e9})
+    for drop in (9e6, 4e4, -3e6):
+        signed = np.copysign(sqrt(abs(drop)), drop)
+        flow = float(e.through("supply_flow", 3e-7 * signed, conductance=3e-7, pressure=0.0, pump=drop))
+        left = drop - 2e9 * flow - 1e12 * flow * abs(flow)
+        assert flow == pytest.approx(3e-7 * np.copysign(sqrt(abs(left)), left))
+
+
+def test_a_supply_that_lags_falls_to_where_one_falls_at_once_and_later(loader: Machine) -> None:
+    time = np.arange(0.0, 4.0, 0.01)
+    currents = np.tile((0.0, 0.45), (len(time), 1))
+
+    def rates(tau: float) -> Any:
+        sagging = loader.with_effects({"supply_variation": {"k": 2e12, "r": 2e9, "tau": tau}})
+        plant = Plant(sagging, loader.pose(*POSE))
+        return plant.run(time, currents, time, plant.equilibrium(0.2)).output("rate")
+
+    none, at_once, late = rates(0.0), rates(1e-4), rates(0.3)
+    np.testing.assert_allclose(at_once, none, atol=2e-4)
+    assert late[200] == pytest.approx(none[200], rel=0.01)
+    assert late[:100].max() > 1.03 * none[:100].max()
+
+
 def test_measured_pressures_take_the_place_of_the_constants(loader: Machine) -> None:
     measured = loader.driven_by(["tank_pressure", "supply_pressure", "angle"])
     assert measured.structure.inputs == ("retract_current", "extend_current", *DRIVING)

@@ -503,3 +503,22 @@ def test_the_plainest_numbers_of_a_bending_boom_do_the_same(tz17: Machine) -> No
     assert np.asarray(shown[0]) == pytest.approx(np.asarray(shown[1]), rel=1e-4, abs=1e-6)
     whole = {**found, "mu": 0.0}
     assert bends.plainest(whole) == whole  # nothing that shows
+
+
+def test_a_slow_transducer_shows_its_own_pressure_by_a_first_order_and_begins_at_rest(
+    tz17: Machine, exercise: Any
+) -> None:
+    nominal, time, currents, _ = exercise
+    lag = 0.08
+    slow = Plant(tz17.with_effects({"transducer_lag": {"hose": lag}, "pressure_bias": {"hose": 2e5}}), nominal.pose)
+    start = slow.rest_state_measured(0.2, 100e5, 20e5)
+    assert slow.outputs(start)[2:] == pytest.approx([100e5, 20e5])
+    run = slow.run(time, currents, time, start)
+    shown, s = run.output("hose_pressure") - 2e5, run.state("hose_pressure")
+    np.testing.assert_allclose(run.output("rod_pressure"), run.state("rod_pressure"), rtol=1e-12)
+    expected, step = [s[0]], time[1] - time[0]
+    for k in range(1, len(time)):  # the pressure on a line between two samples
+        slope, decay = (s[k] - s[k - 1]) / step, np.exp(-step / lag)
+        expected.append(s[k] - slope * lag + (expected[-1] - s[k - 1] + slope * lag) * decay)
+    np.testing.assert_allclose(shown[20:], np.array(expected)[20:], atol=0.02 * np.ptp(s))
+    assert np.abs(shown - s).max() > 0.2 * np.ptp(s)

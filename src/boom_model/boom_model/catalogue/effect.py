@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any, Literal
@@ -144,6 +144,7 @@ class Effect:
         place: in the order of its subsystem, in which terms are applied and tables are written.
         states: states that it brings while active; the reduced model leaves it out then, but for what is ``stateless``.
         stateless: quantities whose terms need none of them: these it keeps there, and where a component stands alone.
+        moving: numbers that alone need its states: while they are neutral in a machine, the effect is built without these.
         not_in_laws: numbers of which no control law makes anything, where it does of the others.
         at_rest: (states so far, p, e) -> values of its own states of a boom that has rested, where these are not zero;
             ``load`` [kg] among the states is what hangs at the tip.
@@ -205,6 +206,7 @@ class Effect:
     says_less: tuple[str, str] | None = None
     stateless: tuple[str, ...] = ()
     not_in_laws: tuple[str, ...] = ()
+    moving: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Raises ValueError for a quantity that the equations do not have: its term would never act."""
@@ -216,6 +218,16 @@ class Effect:
     def light(self) -> bool:
         """Whether it brings no state but the time: one compiled model then serves it and all others of its kind."""
         return all(state is ELAPSED_TIME for state in self.states)
+
+    def stateful(self, numbers: Iterable[str]) -> bool:
+        """Whether an effect of which ``numbers`` are not neutral has states."""
+        return bool(self.states) and (not self.moving or not set(self.moving).isdisjoint(numbers))
+
+    def at_nothing(self, *, moving: bool) -> dict[str, float]:
+        """Its numbers while it does nothing; moving: next to nothing, where it would be built without its states else."""
+        values = {row.name: row.neutral for row in self.parameters}
+        rows = (row for row in self.parameters if moving and row.name in self.moving)
+        return values | {row.name: row.almost_nothing for row in rows if row.almost_nothing is not None}
 
     @property
     def leading(self) -> tuple[EffectParameter, ...]:

@@ -25,5 +25,5 @@ EFFECT = Effect(
         "measured_hose_pressure": lambda pressure, own, at: own.hose_gain * pressure + own.hose,
         "measured_rod_pressure": lambda pressure, own, at: own.rod_gain * pressure + own.rod,
     },
-    place=3, independent=True, margin=8.0,
+    place=4, independent=True, margin=8.0,
 )  # fmt: skip

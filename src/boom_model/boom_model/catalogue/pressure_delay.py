@@ -7,5 +7,5 @@ EFFECT = Effect(
     ("the pressures", "arrive late"), "all edges of the pressures",
     (parameter("T", "s", 0.0, (0.005, 0.1), (0.0, 1.0), "dead time of both pressure channels", starts=(0.01, 0.04),
                ordinary=7.5e-3),),  # response time of a transducer, and the wait for its message
-    place=4, delays="pressures", watched=False,
+    place=5, delays="pressures", watched=False,
 )  # fmt: skip

@@ -26,9 +26,11 @@ class States(Protocol):
 class Own(SimpleNamespace):
     """What a term has for its own: the effect's parameters by name, its states."""
 
-    def __init__(self, effect: Effect, numbers: Mapping[str, Expression], states: States | None) -> None:
+    def __init__(
+        self, effect: Effect, numbers: Mapping[str, Expression], states: States | None, stateful: bool = True
+    ) -> None:
         super().__init__(**numbers)
-        self._effect, self._states = effect, states
+        self._effect, self._states, self.stateful = effect, states, stateful
 
     def time(self) -> Expression:
         """Time since the start of the run [s]; 0 where a component stands alone."""
@@ -65,7 +67,7 @@ class Terms:
             those that need no more than the time, which is then 0, and for what is ``stateless`` of others.
         guarded: effects without states that leave each quantity as it is while all their numbers are neutral, instead of by what
             their terms make of it: compiled code need not compute what nothing does. Derivatives by such a number are zero there.
-        stateful: with what effects make of states of their own.
+        stateful: with what effects make of states of their own. still: effects that have none, though others of their kind do.
     """
 
     def __init__(
@@ -75,11 +77,12 @@ class Terms:
         *,
         guarded: Collection[str] = (),
         stateful: bool = True,
+        still: Collection[str] = (),
     ) -> None:
         self._values, self._guarded = values, guarded
         self._stateful = states is not None and stateful
         self._active = [
-            (effect, Own(effect, values[effect.id], states))
+            (effect, Own(effect, values[effect.id], states, self._stateful and effect.id not in still))
             for effect in CATALOGUE
             if effect.id in values and (states is not None or effect.stateless or effect.light)
         ]
@@ -92,7 +95,7 @@ class Terms:
             )
             if term is not None:
                 changed = term(value, own, SimpleNamespace(**at))
-                guarded = effect.id in self._guarded and not effect.states
+                guarded = effect.id in self._guarded and not (effect.states and own.stateful)
                 value = ca.if_else(own.does_something(), changed, value) if guarded else changed
         return value
 
