@@ -97,6 +97,22 @@ def test_a_number_is_wrong_instead_of_an_effect_that_explains_all_where_it_strai
     assert (found is not None) == wrong
 
 
+@pytest.mark.parametrize(("strained", "wrong"), [(38.6, True), (10.0, False)])
+def test_a_number_is_wrong_where_tolerances_alone_explain_all_and_are_strained(
+    monkeypatch: pytest.MonkeyPatch, strained: float, wrong: bool
+) -> None:
+    """A load-holding valve of ratio 1.8, 2.9 in the file, was parameters only: its tolerance and the set pressure's at their ends."""
+    monkeypatch.setattr(wrong_number, "_strain", lambda *of: strained)
+    case = Case(None, None, [], [], [], [], [], (), 0)  # type: ignore[arg-type]
+    point: Any = SimpleNamespace(z=np.zeros(0), effects={})
+    case.trained, case.rounds = [point], [SimpleNamespace(base=point)]  # type: ignore[list-item]
+    monkeypatch.setattr(Case, "rest", lambda *of: -0.016)
+    monkeypatch.setattr(Case, "ended", lambda *of: np.ones(1, dtype=bool))
+    case.opened = [opened("hose_burst_valve.R", -0.017, -0.47)]
+    found = wrong_number.with_wrong_number(case)
+    assert (found.wrong if found else None) == (("hose_burst_valve.R",) if wrong else None)
+
+
 @pytest.mark.parametrize(
     ("stood_at_its_end", "left", "wrong"), [(True, 800.0, True), (True, 890.0, False), (False, 800.0, False)]
 )

@@ -478,6 +478,7 @@ def test_a_plant_with_the_numbers_of_another_machine_has_its_limits_and_delays_a
         {"angle_offset": {"b": 0.05}},
         {"pressure_bias": {"hose": 3e5, "hose_gain": 1.3, "rod_gain": 0.7}},
         {"boom_flexibility": {"gain": 0.6, "f": 1.5, "mu": 0.3, "sag": 1.0}},
+        {"transducer_lag": {"hose": 0.1}, "pressure_bias": {"hose": 2e5}},
     ],
     ids=lambda effect: next(iter(effect), "none"),
 )
