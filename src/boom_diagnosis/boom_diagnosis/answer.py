@@ -460,15 +460,18 @@ def _touched(machine: Machine, term: LearnedTerm) -> str:
 def _home(case: Case, equations: Sequence[EquationEvidence]) -> tuple[str, str]:
     """Equation and subsystem in which what no effect explains is likeliest.
 
-    Where both ways of locating point to, on their mean, and the share that the subsystem's best effect explains of what the
-    tolerances leave: another form of what explains part is likelier than something else beside it.
+    Where both ways of locating point to, on their mean, as far as the chain breaks anywhere, and the share that the subsystem's
+    best effect explains of what the tolerances leave: another form of what explains part is likelier than something else beside it.
     """
     first, shares = case.rounds[0], dict[str, float]()
     over = max(first.base.over(case.floor), 1.0)
     for f in (*first.fitted, *(w.fitted for w in case.disproved)):
         where = EFFECTS[f.effect].subsystem
         shares[where] = max(shares.get(where, 0.0), min(1.0, f.gain / over))
-    placed = {(e.key, s): 0.5 * (e.statistical + e.chain) + shares.get(s, 0.0) for e in equations for s in e.subsystems}
+    said = 1.0 + sum(e.chain for e in equations)
+    placed = {
+        (e.key, s): (e.statistical + e.chain) / said + shares.get(s, 0.0) for e in equations for s in e.subsystems
+    }
     return max(placed, key=lambda p: placed[p])
 
 

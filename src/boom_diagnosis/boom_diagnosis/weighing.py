@@ -335,7 +335,9 @@ def possible(
     cushion takes all of the passage at most.
     """
     effect, own = sized(EFFECTS[fitted.effect], size), f"effects.{fitted.effect}."
-    if effect.load and fitted.point.effects[own + effect.parameters[0].name] < -load:
+    first = effect.parameters[0]
+    less = fitted.point.effects[own + first.name] < 0.0
+    if effect.load and fitted.point.effects[own + first.name] < -load:
         return False
     limits = {own + row.name: row.maximum for row in effect.leading}
     if not (effect.foreign or effect.load) and any(
@@ -346,6 +348,7 @@ def possible(
     for row in (row for row in effect.parameters if not (row.surely and whole)):
         value, told = fitted.point.effects.get(own + row.name, row.neutral), intervals.get(own + row.name)
         low, high = told.interval_90 if told and row.surely else (value, value)  # none is told of what is not there
-        if high < row.possible[0] or low > row.possible[1]:
+        least, most = row.possible_less if less and row.possible_less else row.possible
+        if high < least or low > most:
             return False
     return True

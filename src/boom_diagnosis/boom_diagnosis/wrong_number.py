@@ -1,11 +1,11 @@
 """One number of the machine file that is wrong: a bore mistyped, the data sheet of another cylinder.
 
-Its tolerance is right for what the owner meant. Where neither tolerances nor effects explain the recordings, or only with tolerances
-strained at their ends, or effects where these stood at their ends without them, each number is looked at as if nothing were known
-of it: linearly from where the tolerances end, and the most promising are fitted beside all tolerances. One is taken where it explains nearly all
-that the tolerances leave, and more than the effects that were found, or as much: it is simpler than they. One that explains all
-is taken before anything is looked for beside a first effect. Of several that do as well the one that is least off is told, with
-the others: the pins of a linkage do much the same.
+Its tolerance is right for what the owner meant. Where neither tolerances nor effects explain the recordings, or only with
+tolerances strained at their ends, or effects where these stood at their ends without them, each number is looked at as if nothing
+were known of it: linearly from where the tolerances end, and the most promising are fitted beside all tolerances. One is taken
+where it explains nearly all that the tolerances leave, and more than the effects that were found, or as much: it is simpler than
+they. One that explains all is taken before anything is looked for beside a first effect. Of several that do as well the one that
+is least off is told, with the others: the pins of a linkage do much the same.
 
 Of numbers that are wrong together the moments of mass are looked at, by one factor: tape measure and density make them all; and
 both areas of the cylinder, which one diameter of the piston makes.

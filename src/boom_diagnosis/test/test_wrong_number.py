@@ -101,7 +101,7 @@ def test_a_number_is_wrong_instead_of_an_effect_that_explains_all_where_it_strai
 def test_a_number_is_wrong_where_tolerances_alone_explain_all_and_are_strained(
     monkeypatch: pytest.MonkeyPatch, strained: float, wrong: bool
 ) -> None:
-    """A load-holding valve of ratio 1.8, 2.9 in the file, was parameters only: its tolerance and the set pressure's at their ends."""
+    """A load-holding valve of ratio 1.8, 2.9 in the file, was parameters only, it and the set pressure at their ends."""
     monkeypatch.setattr(wrong_number, "_strain", lambda *of: strained)
     case = Case(None, None, [], [], [], [], [], (), 0)  # type: ignore[arg-type]
     point: Any = SimpleNamespace(z=np.zeros(0), effects={})

@@ -72,6 +72,7 @@ class EffectParameter:
         starts: values from which a search tries it, because the answer is far from linear in it.
         positive: searched in its logarithm.
         possible: what a machine can have; an effect that is found outside stands in for something else.
+        possible_less: the same where the effect's first number is below nothing.
         surely: it is outside ``possible`` only if its whole interval is.
         form: standard deviation (of the logarithm for a factor) to which it means anything, because the machine's form of
             the effect is not the catalogue's. From blind trials.
@@ -103,6 +104,7 @@ class EffectParameter:
     starts: tuple[float, ...] = ()
     positive: bool = False
     possible: tuple[float, float] = (-inf, inf)
+    possible_less: tuple[float, float] | None = None
     surely: bool = False
     form: float = 0.0
     almost_nothing: float | None = None

@@ -21,7 +21,8 @@ EFFECT = Effect(
     ("the friction", "changes during the recording"), "grows with time, with speed",
     (
         parameter("r", "-", 1.0, (0.3, 5.0), (0.0, 20.0), "factor by which the friction torque changes in the end", positive=True),
-        parameter("T", "s", 30.0, (5.0, 120.0), (0.1, 1e5), "time constant of the change", positive=True),
+        parameter("T", "s", 30.0, (5.0, 120.0), (0.1, 1e5), "time constant of the change", positive=True,
+                  possible=(3.0, 1e5)),  # nothing warms faster
         parameter("r_0", "-", 1.0, (0.5, 4.0), (0.02, 50.0), "factor of the friction torque in the beginning", positive=True,
                   acts=True),
     ),

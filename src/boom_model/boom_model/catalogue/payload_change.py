@@ -2,7 +2,7 @@
 
 At t_g it is attached at the tip's speed, within some 10 ms or as gradually as a grapple takes a bundle up, and dropped at t_r at
 once. Below the piston position s_g it rests on the ground; it may leave the ground in two steps. With tau above 1 s, 2 s from a
-tenth to nine tenths, it is no grasp: something else drifts.
+tenth to nine tenths, it is no grasp: something else drifts. What hangs may run out as slowly as it will.
 """
 
 from typing import Any
@@ -36,8 +36,8 @@ EFFECT = Effect(
                   ordinary=MUD),
         parameter("s_2", "m", 10.0, (0.0, 1.0), (-1.0, 10.0), "piston position below which that rests on the ground; 10: none"),
         parameter("t_r", "s", 1e4, (5.0, 60.0), (-1e5, 1e5), "when the mass grasped is dropped again; 10000: never"),
-        parameter("tau", "s", GRASP_TIME, (GRASP_TIME, 0.5), (5e-3, 5.0), "how gradually it is grasped", positive=True, of="t_g",
-                  possible=(0.0, 1.0)),
+        parameter("tau", "s", GRASP_TIME, (GRASP_TIME, 6.0), (5e-3, 20.0), "how gradually it is grasped", positive=True, of="t_g",
+                  starts=(GRASP_TIME, 3.0), possible=(0.0, 1.0), possible_less=(0.0, 20.0)),
     ),
     {"load_mass": _load},
     place=2, states=(ELAPSED_TIME,), load=True, onset="t_g", release="t_r", lasting="payload", watched=False,
