@@ -1,4 +1,4 @@
-"""Signals that repeat a value for longer than noise, quantisation and the boom's motion make believable."""
+"""Signals that repeat a value for longer than noise, steps and motion make believable, or that drop to one again and again."""
 
 from itertools import pairwise
 
@@ -11,6 +11,9 @@ from boom_recording.recording import Floats
 
 _FOLLOW = {sensor.name for sensor in PREDICTED if sensor.is_pressure}
 """Pressures of the cylinder: they cannot stay as they are while the boom moves; that of a pump can."""
+
+DROPS, ISOLATED = 3, 4.0
+"""Samples that a signal must spend at a value to which it drops, and how many of its usual changes nothing else is near that value."""
 
 
 def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS) -> dict[str, list[StampedEvent]]:
@@ -29,8 +32,36 @@ def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS
     ]  # another joint may stay where it is, and nothing speaks against it
     for name in sorted(names, key=lambda name: name != "rate"):
         samples = next(s for s in topics.values() if name in s.values)
+        found[samples.topic] += _dropped(samples, name)
         found[samples.topic] += _stuck(samples, name, witness, limits)
     return found
+
+
+def _dropped(samples: TopicSamples, name: str) -> list[StampedEvent]:
+    """Mask what drops to the least or the largest value of a signal and back, within a sample each: a loose plug, a code for "lost".
+
+    What is real passes what lies between, in some of its visits at least. Here nothing else is near that value, and most of the
+    jumps are larger than all but a hundredth of the other changes.
+    """
+    index = np.flatnonzero(samples.valid[name] & samples.timed)
+    values, events = samples.values[name][index], list[StampedEvent]()
+    for level in {float(np.min(values)), float(np.max(values))} if len(values) and not name.endswith("current") else ():
+        at = values == level
+        if not DROPS <= at.sum() <= 0.5 * len(values):
+            continue
+        steps, jumps = np.abs(np.diff(values)), at[1:] != at[:-1]
+        others = steps[~at[1:] & ~at[:-1]]
+        noise = float(np.median(others[others > 0])) if (others > 0).any() else 0.0
+        apart = float(np.abs(values[~at] - level).min())
+        if apart <= ISOLATED * noise or float(np.median(steps[jumps])) <= float(np.quantile(others, 0.99)):
+            continue
+        samples.valid[name][index[at]] = False
+        times, visits = samples.stamps_ns[index[at]].astype(float), int(np.sum(at[1:] & ~at[:-1]) + at[0])
+        unit = next(channel.unit for channel in samples.channels if channel.name == name)
+        often = "once" if visits == 1 else f"{visits} times"
+        detail = f"{name} drops to {level:.6g} {unit} and back {often}, {at.sum()} samples in all, as of a loose plug"
+        events.append(StampedEvent("stuck", float(times[0]), float(times[-1]), int(at.sum()), detail))
+    return events
 
 
 def _stuck(samples: TopicSamples, name: str, witness: "_Motion", limits: Thresholds) -> list[StampedEvent]:
