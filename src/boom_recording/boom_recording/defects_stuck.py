@@ -13,7 +13,7 @@ _FOLLOW = {sensor.name for sensor in PREDICTED if sensor.is_pressure}
 """Pressures of the cylinder: they cannot stay as they are while the boom moves; that of a pump can."""
 
 DROPS, ISOLATED = 3, 4.0
-"""Samples that a signal must spend at a value to which it drops, and how many of its usual changes nothing else is near that value."""
+"""Samples that a signal must spend at a value to which it drops, and how many of its usual changes all others are away from it."""
 
 
 def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS) -> dict[str, list[StampedEvent]]:
@@ -38,10 +38,10 @@ def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS
 
 
 def _dropped(samples: TopicSamples, name: str) -> list[StampedEvent]:
-    """Mask what drops to the least or the largest value of a signal and back, within a sample each: a loose plug, a code for "lost".
+    """Mask what drops to the least or the largest value of a signal and back, within a sample: a loose plug, a code for "lost".
 
-    What is real passes what lies between, in some of its visits at least. Here nothing else is near that value, and most of the
-    jumps are larger than all but a hundredth of the other changes.
+    What is real passes what lies between, in some of its visits at least. Here nothing else is near that value, and most of
+    the jumps are larger than all but a hundredth of the other changes.
     """
     index = np.flatnonzero(samples.valid[name] & samples.timed)
     values, events = samples.values[name][index], list[StampedEvent]()
@@ -51,7 +51,7 @@ def _dropped(samples: TopicSamples, name: str) -> list[StampedEvent]:
             continue
         steps, jumps = np.abs(np.diff(values)), at[1:] != at[:-1]
         others = steps[~at[1:] & ~at[:-1]]
-        noise = float(np.median(others[others > 0])) if (others > 0).any() else 0.0
+        noise = float(np.median(others[others > 0])) if (others > 0).any() else _step(values)
         apart = float(np.abs(values[~at] - level).min())
         if apart <= ISOLATED * noise or float(np.median(steps[jumps])) <= float(np.quantile(others, 0.99)):
             continue

@@ -146,6 +146,29 @@ def test_a_coarse_pressure_that_rings_when_the_boom_stops_may_stay_as_it_is_whil
     assert after(tmp_path, time, signals).events == []
 
 
+@pytest.mark.parametrize(("name", "level"), [("rod_pressure", -1.01e5), ("hose_pressure", 4.2e7), ("angle", -1.6)])
+def test_a_signal_that_drops_to_one_value_and_back_is_left_out_there_and_told_once(
+    tmp_path: Path, name: str, level: float
+) -> None:
+    """A loose plug for 60 to 900 ms at a time was unmodelled physics of the main valve, 0.98."""
+    time, signals = columns(12.0)
+    at = np.zeros(len(time), dtype=bool)
+    for start, length in ((300, 40), (500, 3), (700, 1), (811, 9)):
+        at[start : start + length] = True
+    signals[name][at] = level
+    found = after(tmp_path, time, signals)
+    assert np.array_equal(found.signals[name].valid, ~at)
+    event = only(found, "stuck")
+    assert event.count == 53 and "and back 4 times, 53 samples in all" in event.detail
+
+
+def test_a_pressure_that_falls_to_the_end_of_its_sensor_on_its_way_is_believed(tmp_path: Path) -> None:
+    time, signals = columns(12.0)
+    swing = 4e6 * np.sin(2 * np.pi * 0.3 * time) + np.random.default_rng(0).normal(0.0, 1e4, len(time))
+    signals["rod_pressure"] = np.maximum(swing, 0.0)
+    assert not [event for event in after(tmp_path, time, signals).events if "drops" in event.detail]
+
+
 def test_a_coarse_pressure_that_repeats_while_the_boom_goes_far_is_stuck(tmp_path: Path) -> None:
     time, signals = columns(12.0)  # lifts by 0.8 rad
     for name in ("hose_pressure", "rod_pressure"):
