@@ -149,7 +149,15 @@ def assemble(
     wrong = verdict not in ("no_mismatch", "parameters_only")
     z = case.kept(0).z if case.learned else first.base.z
     equations, agreement, inputs = locate(
-        case.machine, case.bags, case.select, case.nuisances, z, {}, case.healthy, doubted=wrong
+        case.machine,
+        case.bags,
+        case.select,
+        case.nuisances,
+        z,
+        {},
+        case.healthy,
+        doubted=wrong,
+        others=[case.nominal.tolerances.z],
     )
     rest_equations = equations
     learned = case.learned

@@ -64,7 +64,7 @@ def fit_to_free_runs(case: Case) -> None:
     improves free runs over data not used, and no channel of what is found gets worse than with parameters only by it.
     """
     alone = None if case.taken or case.learned else _alone(case)
-    far = {k: _far(case, case.trained[k]) for k in dict.fromkeys((0, len(case.trained) - 1))}
+    far = {k: far_from_noise(case, case.trained[k]) for k in dict.fromkeys((0, len(case.trained) - 1))}
     if not any(far.values()):
         return
     for k in far:
@@ -101,7 +101,7 @@ def _unproves(case: Case, before: Point, after: Point) -> bool:
     return worst_channel(case, base, after) > WORSE >= worst_channel(case, base, before)
 
 
-def _far(case: Case, at: Point) -> bool:
+def far_from_noise(case: Case, at: Point) -> bool:
     """Whether free runs over what is fitted err far more than noise would."""
     machine = machine_at(case, at)
     for i, span in enumerate(spans_of(case).training):

@@ -96,13 +96,13 @@ def places(machine: Machine) -> tuple[Link, ...]:
 
 def locate(
     machine: Machine, bags: Sequence[Bag], select: Sequence[Flags], nuisances: Sequence[Nuisance], z: Array,
-    values: Mapping[str, float], healthy: Sequence[Bag], *, doubted: bool = True,
+    values: Mapping[str, float], healthy: Sequence[Bag], *, doubted: bool = True, others: Sequence[Array] = (),
 ) -> tuple[tuple[EquationEvidence, ...], str, list[dict[str, Array]]]:  # fmt: skip
     """Evidence per equation; whether both ways agree, in words; unknown inputs over time per recording.
 
-    At the fitted point (z, ``values``), or, where no effect was found, at the file's own numbers if these are likelier once an
-    unknown input is allowed: what is missing may have driven the fit far from the machine, and then the chain breaks where nothing
-    is wrong.
+    At the fitted point (z, ``values``), or, where no effect was found, at other fits (``others``) or the file's own numbers, if
+    these are likelier once an unknown input is allowed: what is missing may have driven the fit far from the machine, and then the
+    chain breaks where nothing is wrong.
 
     doubted: whether any equation is in doubt; the statistical way, which is the long one, is gone only then. Behind a valve that
     holds the load the chain cannot be forced: the pressure that carries the boom is not measured.
@@ -111,11 +111,11 @@ def locate(
     statistical = {link.key: 0.0 for link in places(machine)}
     if doubted:
         statistical, most = _statistical(base, z, values)
-        nominal = np.zeros(len(z))
-        own = problem_at(machine, bags, select, nuisances, nominal, {}, 1.0)
-        other, likeliest = _statistical(own, nominal, {}) if not values else ({}, -np.inf)
-        if likeliest > most:
-            statistical, base, z = other, own, nominal
+        for other in (*others, np.zeros(len(z))) if not values else ():
+            own = problem_at(machine, bags, select, nuisances, other, {}, 1.0)
+            shares, likeliest = _statistical(own, other, {})
+            if likeliest > most:
+                statistical, most, base, z = shares, likeliest, own, other
     chain, inputs = _chain(base, z, values, healthy)
     if holds := machine.holds:
         chain = dict.fromkeys(chain, 0.0)

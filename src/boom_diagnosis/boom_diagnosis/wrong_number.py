@@ -23,6 +23,7 @@ import numpy as np
 from boom_diagnosis.case import Case, Flags, Opened
 from boom_diagnosis.coordinates import Coordinate
 from boom_diagnosis.fitting import LEAST_STEP, Point
+from boom_diagnosis.free_fit import far_from_noise
 from boom_diagnosis.hypotheses import LOOSENESS, Fits, noticed
 from boom_diagnosis.nuisances import LARGEST_Z, ROD_SIDE, TWINS, Nuisance, bore, known, masses
 from boom_diagnosis.parallel import in_parallel
@@ -99,7 +100,12 @@ def _wrong_for_sure(opened: Opened) -> bool:
 
 
 def _laboured(case: Case) -> float:
-    """Nats by which all being explained strains tolerances, alone or beside effects; 0 where these may as well be nominal."""
+    """Nats by which all being explained strains tolerances, alone or beside effects; 0 where these may as well be nominal.
+
+    Alone only where free runs err far more than noise would: a number that bends to make up for a little is no mistake.
+    """
+    if not (case.taken or far_from_noise(case, case.trained[0])):
+        return 0.0
     nats = _strain(case, case.last, case.taken[-1].fitted.coordinates if case.taken else ())
     return nats if noticed(nats, int(case.ended(case.last).sum())) else 0.0
 

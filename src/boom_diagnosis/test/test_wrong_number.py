@@ -97,12 +97,13 @@ def test_a_number_is_wrong_instead_of_an_effect_that_explains_all_where_it_strai
     assert (found is not None) == wrong
 
 
-@pytest.mark.parametrize(("strained", "wrong"), [(38.6, True), (10.0, False)])
-def test_a_number_is_wrong_where_tolerances_alone_explain_all_and_are_strained(
-    monkeypatch: pytest.MonkeyPatch, strained: float, wrong: bool
+@pytest.mark.parametrize(("strained", "far", "wrong"), [(38.6, True, True), (38.6, False, False), (10.0, True, False)])
+def test_a_number_is_wrong_where_tolerances_alone_explain_all_strained_and_free_runs_err(
+    monkeypatch: pytest.MonkeyPatch, strained: float, far: bool, wrong: bool
 ) -> None:
     """A load-holding valve of ratio 1.8, 2.9 in the file, was parameters only, it and the set pressure at their ends."""
     monkeypatch.setattr(wrong_number, "_strain", lambda *of: strained)
+    monkeypatch.setattr(wrong_number, "far_from_noise", lambda *of: far)
     case = Case(None, None, [], [], [], [], [], (), 0)  # type: ignore[arg-type]
     point: Any = SimpleNamespace(z=np.zeros(0), effects={})
     case.trained, case.rounds = [point], [SimpleNamespace(base=point)]  # type: ignore[list-item]
