@@ -32,6 +32,7 @@ from boom_diagnosis.hypotheses import LOOSENESS, noticed
 from boom_diagnosis.learning import Learned, learn
 from boom_diagnosis.locating import BETWEEN, links, locate, places
 from boom_diagnosis.must_keep import (
+    allowed,
     as_far_by_chance,
     by_free_runs,
     far,
@@ -54,7 +55,7 @@ from boom_diagnosis.odds import (
     probability_of,
     ranking,
 )
-from boom_diagnosis.open_numbers import doubted_by_numbers
+from boom_diagnosis.open_numbers import doubted_by_numbers, number_spread
 from boom_diagnosis.own_loads import said_of_loads, told_by_recording
 from boom_diagnosis.prediction import beyond, gained
 from boom_diagnosis.proof import (
@@ -130,11 +131,14 @@ def assemble(
     done = [free_runs(m, case, spans) for m in stages.values()]
     floors = noise_floors([*stages.values()][-1], case, spans)
     driven = held_out(dict(zip(stages, done, strict=True)), spans)
-    unknown, spared = _doubts(case, unknown, driven, floors)
+    floor = median(floors)
+    held_against = case.taken and (worse_channels(driven, floor) or far_channels(driven, floor, FAR_FROM_FLOOR))
+    left_open = number_spread(case) if held_against else ()
+    leaves = allowed(floor, left_open)
+    unknown, spared = _doubts(case, unknown, driven, floor, leaves)
     if unknown > UNTOLD and as_noise_lets_it(done[-1], floors, spans):
         unknown = UNTOLD
-    floor = median(floors)
-    unproved_by = worse_channels(driven, floor) or far_channels(driven, floor, FAR_FROM_FLOOR) if case.taken else []
+    unproved_by = worse_channels(driven, leaves) or far_channels(driven, leaves, FAR_FROM_FLOOR) if case.taken else []
     odds = as_its_form(
         case, odds_of(case, unknown, proved=not unproved_by, spared=spared, far=far(driven, floor)), unproved_by
     )
@@ -171,7 +175,7 @@ def assemble(
             told = [e.key for e in order if e.key != BETWEEN.key]
             learned = learn(case.setting, case.trained[-1], told[:LEARNT_IN])
     proof = proof_of(case, verdict, learned, spans, done, floors if verdict != "no_mismatch" else ())
-    learned, fit = proof.learned, proof.fit
+    learned, fit = proof.learned, replace(proof.fit, open_numbers=left_open)
     if verdict in ("no_mismatch", "parameters_only") and far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR):
         fit = doubted_by_numbers(case, spans, fit)
     plain = case.learned if learned else None
@@ -201,7 +205,7 @@ def assemble(
     left = plain.point.excess(case.floor) if plain else tight.excess_after
     named = verdict not in ("no_mismatch", "parameters_only")  # else one-step errors name nothing
     left_over = remaining(fit, tight.filed, left if named else 0.0)
-    plainly = not learned and bool(case.taken) and worse_on_the_whole(driven)
+    plainly = not learned and bool(case.taken) and worse_on_the_whole(driven, leaves)
     machine = _plain_machine(case) if plainly else _final_machine(case, verdict, learned)
     handed_out = told_by_recording(case, machine)
     return DiagnosisResult(
@@ -219,14 +223,17 @@ def assemble(
 
 
 def _doubts(
-    case: Case, unknown: float, driven: Mapping[str, Sequence[float]], floors: Sequence[Errors]
+    case: Case, unknown: float, driven: Mapping[str, Sequence[float]], floor: Errors, leaves: Sequence[float]
 ) -> tuple[float, float]:
-    """Probability of unknown physics, and what of it goes to parameters alone, by one step and by free runs (``driven``)."""
-    if case.taken and worse_on_the_whole(driven):
+    """Probability of unknown physics, and what of it goes to parameters alone, by one step and by free runs (``driven``).
+
+    leaves: errors that noise (``floor``) and open numbers allow.
+    """
+    if case.taken and worse_on_the_whole(driven, leaves):
         unknown = max(unknown, 1.0 - UNTOLD)
     if not 0.0 < unknown < 1.0:
         return unknown, 0.0
-    weighed, spared = by_free_runs(unknown, driven, median(floors))
+    weighed, spared = by_free_runs(unknown, driven, floor, leaves)
     return weighed, spared * as_far_by_chance(case.kept(0).z)
 
 

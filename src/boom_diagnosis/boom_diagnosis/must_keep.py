@@ -46,7 +46,10 @@ def worse_channels(held_out: Mapping[str, Sequence[float]], floor: Sequence[floa
 
 
 def by_free_runs(
-    unknown: float, held_out: Mapping[str, Sequence[float]], noise_floor: Sequence[float]
+    unknown: float,
+    held_out: Mapping[str, Sequence[float]],
+    noise_floor: Sequence[float],
+    leaves: Sequence[float] | None = None,
 ) -> tuple[float, float]:
     """That unmodelled physics acts, and what of that goes to parameters alone, once both have run freely through data not used.
 
@@ -54,10 +57,11 @@ def by_free_runs(
     errors over those that noise leaves with parameters only, and with what was found; mean square of the channels. Near the floor
     free runs speak against unknown physics, far from it they leave the word to one step. What one step shows and no free run does
     is a sensor's noise or latency; what an effect leaves of free runs is not explained by it. An effect gets of what is taken
-    back as much as it makes free runs better, 1 - e^2 / p^2.
+    back as much as it makes free runs better, 1 - e^2 / p^2. leaves: errors that noise and numbers that the recordings leave open
+    allow what was found, where these are larger.
     """
     plain = _square(held_out["parameters_only"], noise_floor)
-    found = _square(held_out.get("explained", held_out["parameters_only"]), noise_floor)
+    found = _square(held_out.get("explained", held_out["parameters_only"]), leaves or noise_floor)
     odds = unknown / (1.0 - unknown)
     odds *= far(held_out, noise_floor) * max(1.0, found / FAR_FROM_FLOOR**2)
     weighed = odds / (1.0 + odds)
@@ -96,9 +100,14 @@ def shown(held_out: Mapping[str, Sequence[float]], floor: Sequence[float]) -> bo
     )
 
 
-def worse_on_the_whole(held_out: Mapping[str, Sequence[float]]) -> bool:
-    """Whether these free runs are worse by the geometric mean of the channels: then it is not what was found that is missing."""
+def worse_on_the_whole(held_out: Mapping[str, Sequence[float]], leaves: Sequence[float]) -> bool:
+    """Whether these free runs are worse by the geometric mean of the channels: then it is not what was found that is missing.
+
+    leaves: errors that noise and open numbers allow; one of about that size is no worse than another.
+    """
     ratio = _worsened(held_out)
+    by_these = np.array(held_out["explained"], dtype=float) <= AT_FLOOR * np.array(leaves, dtype=float)
+    ratio = np.where(by_these, np.minimum(ratio, 1.0), ratio)
     known = ratio[~np.isnan(ratio)]
     return bool(len(known) and np.mean(np.log(np.maximum(known, 1e-12))) > np.log(WORSE))
 
@@ -110,14 +119,17 @@ def _worsened(held_out: Mapping[str, Sequence[float]]) -> Array:
     return np.where(ended, np.inf, explained / np.maximum(before, 1e-12))
 
 
+def allowed(noise_floor: Sequence[float], open_numbers: Sequence[float]) -> tuple[float, ...]:
+    """(NY,) errors of free runs that noise leaves, and numbers that the recordings leave open, where these are known."""
+    return tuple(np.hypot(noise_floor, open_numbers)) if len(open_numbers) else tuple(noise_floor)
+
+
 def open_channels(fit: Fit) -> Array:
     """(NY,) whether these free runs err by no more than noise, and numbers that the recordings leave open, may make them."""
     if not fit.open_numbers:
         return np.zeros(len(OUTPUTS), dtype=bool)
-    error, floor, spread = (
-        np.array(v, dtype=float) for v in (fit.held_out["explained"], fit.noise_floor, fit.open_numbers)
-    )
-    return np.asarray(error <= OPEN * np.hypot(floor, spread))
+    error = np.array(fit.held_out["explained"], dtype=float)
+    return np.asarray(error <= OPEN * np.array(allowed(fit.noise_floor, fit.open_numbers)))
 
 
 def far_channels(
@@ -149,7 +161,7 @@ def kept(
     notes = list[str]()
     if not fit.held_out:
         return verdict, list(findings), notes
-    worse = worse_channels(fit.held_out, fit.noise_floor) if findings else []
+    worse = worse_channels(fit.held_out, allowed(fit.noise_floor, fit.open_numbers)) if findings else []
     if worse:
         verdict = "ambiguous" if verdict in ("identified", "sensor_or_clock") else verdict
         notes.append(f"unproved: free runs over data not used err more than with parameters only: {', '.join(worse)}")
@@ -162,7 +174,7 @@ def kept(
     untold = far_channels(fit.held_out, fit.noise_floor, FAR_FROM_FLOOR, but=open_channels(fit))
     plain = verdict in ("no_mismatch", "parameters_only")
     explained = bool(fit.all_fitted) and not far_channels({"explained": fit.all_fitted}, fit.noise_floor, NEAR_FLOOR)
-    opened = far and plain and (explained or not untold)
+    opened = far and (explained or not untold)
     if opened:
         notes.append(
             f"free runs over data not used err more than noise alone would ({', '.join(far)}), by no more than numbers may make "

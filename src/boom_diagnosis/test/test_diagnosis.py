@@ -114,7 +114,7 @@ def test_the_same_recording_and_seed_give_the_same_document() -> None:
 
 def test_what_makes_free_runs_worse_is_not_in_the_machine_file_that_is_handed_out(monkeypatch: Any) -> None:
     made = noisy(tz17().with_effects({"pilot_lag": {"r": 2.0}}), 24.0, 1)
-    monkeypatch.setattr(answer, "worse_on_the_whole", lambda driven: True)
+    monkeypatch.setattr(answer, "worse_on_the_whole", lambda *driven: True)
     result = diagnose([made], tz17())
     assert result.document.findings and answer.PLAINLY in result.notes
     assert "pilot_lag" not in result.explained.effects and result.explained.document != tz17().document
