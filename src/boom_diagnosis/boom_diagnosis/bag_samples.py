@@ -245,10 +245,14 @@ class Bag:
 
     def stuck(self) -> list[str]:
         """Sentences that say which sensor stood still, and when."""
+        since = dict[str, float]()  # what jumps away again and again is said once
+        for event in self.recording.events:
+            if event.kind == "stuck":
+                since.setdefault(event.detail, event.start_s)
         return [
-            f"{event.detail}, from {event.start_s:.1f} s: left out, look at the sensor and at the logger"
-            for event in self.recording.events if event.kind == "stuck"
-        ]  # fmt: skip
+            f"{said}, from {start:.1f} s: left out, look at the sensor and at the logger"
+            for said, start in since.items()
+        ]
 
     def strokes(self, machine: Machine) -> Array:
         """(n,) piston position [m] at the measured angle, between its samples by lines."""

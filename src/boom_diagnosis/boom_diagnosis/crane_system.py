@@ -280,7 +280,7 @@ class CraneSystem:
 
     def models(self, effects: Sequence[str]) -> list[CraneModel]:
         """One for each recording. Effects without states are there always, at their neutral values."""
-        stateful = frozenset(effect for effect in effects if not EFFECTS[effect].light)
+        stateful = frozenset(e for e in effects if EFFECTS[e].moving or not EFFECTS[e].light)
         if stateful not in self._models:
             made = [CraneModel(self.machine, bag, stateful) for bag in self.bags]
             for model, chosen in zip(made, self._chosen, strict=False):
@@ -330,7 +330,7 @@ def _search_effect(effect: str, duration: float, log_odds: float) -> SearchedEff
         tuple(points),
         neutral,
         leading,
-        EFFECTS[effect].light,
+        EFFECTS[effect].light and not EFFECTS[effect].moving,
         entry.subsystem != "sensors",
         log_odds,
     )

@@ -398,6 +398,15 @@ def test_supply_falls_with_the_flow_and_its_square_at_once_where_nothing_lags(ef
         assert flow == pytest.approx(3e-7 * np.copysign(sqrt(abs(left)), left))
 
 
+@pytest.mark.parametrize("tau", [0.0, 0.2])
+def test_what_a_check_valve_holds_back_it_holds_back_from_a_supply_that_lags(loader: Machine, tau: float) -> None:
+    weak = {"supply_variation": {"a": -0.75, "k": 1e12, "tau": tau}, "load_check_valve": {"c": 1.0}}
+    plant = Plant(loader.with_effects(weak), loader.pose(*POSE))
+    state = plant.rest_state_measured(0.2, 1.5e7, 1e6)
+    state[plant.state_names.index("spool_position")] = -0.9 * loader.numbers.main_valve_spool.s_max
+    assert plant.auxiliary(state[None], np.zeros((1, 2)))["hose_flow"] == pytest.approx(0.0, abs=1e-7)
+
+
 def test_a_supply_that_lags_falls_to_where_one_falls_at_once_and_later(loader: Machine) -> None:
     time = np.arange(0.0, 4.0, 0.01)
     currents = np.tile((0.0, 0.45), (len(time), 1))
@@ -408,7 +417,7 @@ def test_a_supply_that_lags_falls_to_where_one_falls_at_once_and_later(loader: M
         return plant.run(time, currents, time, plant.equilibrium(0.2)).output("rate")
 
     none, at_once, late = rates(0.0), rates(1e-4), rates(0.3)
-    np.testing.assert_allclose(at_once, none, atol=2e-4)
+    np.testing.assert_allclose(at_once, none, atol=4e-4)
     assert late[200] == pytest.approx(none[200], rel=0.01)
     assert late[:100].max() > 1.03 * none[:100].max()
 

@@ -135,7 +135,7 @@ def test_every_effect_of_the_catalogue_is_the_same_side_by_side(tz17: Machine, p
 
 def test_effects_that_do_nothing_in_one_pass_act_in_another_beside_it(tz17: Machine, possible: Any, job: Make) -> None:
     """What no lane needs is not computed; what one needs does not reach the others."""
-    stateless = [e for e in possible if not e.states]
+    stateless = [e for e in possible if not e.stateful(())]
     mild = {e.id: {r.name: 0.9 * r.neutral + 0.1 * r.low for r in e.parameters} for e in stateless}
     nothing = {e.id: {r.name: r.neutral for r in e.parameters} for e in stateless}
     third = {**nothing, **{e.id: mild[e.id] for e in stateless[::3]}}

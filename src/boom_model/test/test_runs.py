@@ -506,6 +506,25 @@ def test_the_plainest_numbers_of_a_bending_boom_do_the_same(tz17: Machine) -> No
     assert bends.plainest(whole) == whole  # nothing that shows
 
 
+@pytest.mark.parametrize("kind", ["full", "reduced"])
+def test_a_spool_off_centre_acts_in_both_models_and_wanders_in_the_full_one(tz17: Machine, kind: Any) -> None:
+    time = np.arange(0.0, 12.0, 0.01)
+    currents = np.tile((0.0, 0.32), (len(time), 1))
+
+    def rate(**numbers: float) -> Any:
+        plant = Plant(tz17.with_effects({"neutral_offset": numbers}), tz17.pose(0.28, 2.2), kind)
+        return plant.run(time, currents, time, plant.equilibrium(0.0)).output("rate")
+
+    still, off, wandering = rate(), rate(x_n=-0.03), rate(x_n=-0.03, d=0.03, T=2.0)
+    assert off[300:].mean() > 1.2 * still[300:].mean() > 0.0
+    if kind == "full":
+        assert wandering[150] == pytest.approx(off[150], rel=0.6) and wandering[-1] == pytest.approx(
+            still[-1], rel=0.05
+        )
+    else:
+        np.testing.assert_array_equal(wandering, off)
+
+
 def test_a_slow_transducer_shows_its_own_pressure_by_a_first_order_and_begins_at_rest(
     tz17: Machine, exercise: Any
 ) -> None:

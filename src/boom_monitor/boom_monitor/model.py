@@ -175,7 +175,9 @@ def switched_on(machine: Machine) -> dict[str, dict[str, float]]:
     """The effects that are watched, at almost nothing: effect -> its parameters."""
     return {
         effect.id: {
-            row.name: row.neutral + _FIRST_ONLY * (row.high - row.low)
+            row.name: row.neutral
+            if row.name in effect.moving
+            else row.neutral + _FIRST_ONLY * (row.high - row.low)
             if row.almost_nothing is None
             else row.almost_nothing
             for row in effect.parameters
@@ -191,7 +193,7 @@ def suspects(machine: Machine, index: Mapping[str, int]) -> list[Suspect]:
     for effect in EFFECTS.values():
         if effect.id in machine.effects or f"effects.{effect.id}.{effect.parameters[0].name}" not in index:
             continue
-        for row in effect.leading:
+        for row in (row for row in effect.leading if row.name not in effect.moving):  # what it does at once
             scale = (row.high - row.low) / 2
             low, high = ((limit - row.neutral) / scale for limit in (row.low, row.high))
             result.append(

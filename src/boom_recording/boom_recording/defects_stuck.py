@@ -6,14 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from boom_input.channels import BY_NAME, MEASURED_TOPICS, PREDICTED
-from boom_recording.defects import SECOND, THRESHOLDS, StampedEvent, Thresholds, TopicSamples
+from boom_recording.defects import SECOND, THRESHOLDS, StampedEvent, Thresholds, TopicSamples, runs
 from boom_recording.recording import Floats
 
 _FOLLOW = {sensor.name for sensor in PREDICTED if sensor.is_pressure}
 """Pressures of the cylinder: they cannot stay as they are while the boom moves; that of a pump can."""
 
-DROPS, ISOLATED = 3, 4.0
-"""Samples that a signal must spend at a value to which it drops, and how many of its usual changes all others are away from it."""
+DROPS, ISOLATED, LONGEST = 3, 4.0, 1.0
+"""Samples that a signal must spend at a value to which it drops, how many of its usual changes all others are away from it, and s
+that a visit takes at most: what stays longer is judged as what repeats."""
 
 
 def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS) -> dict[str, list[StampedEvent]]:
@@ -38,14 +39,17 @@ def check_stuck(topics: dict[str, TopicSamples], limits: Thresholds = THRESHOLDS
 
 
 def _dropped(samples: TopicSamples, name: str) -> list[StampedEvent]:
-    """Mask what drops to the least or the largest value of a signal and back, within a sample: a loose plug, a code for "lost".
+    """Mask what jumps to the least or the largest value of a signal and back, within a sample: a loose plug, a code for "lost".
 
     What is real passes what lies between, in some of its visits at least. Here nothing else is near that value, and most of
     the jumps are larger than all but a hundredth of the other changes.
     """
     index = np.flatnonzero(samples.valid[name] & samples.timed)
-    values, events = samples.values[name][index], list[StampedEvent]()
-    for level in {float(np.min(values)), float(np.max(values))} if len(values) and not name.endswith("current") else ():
+    values, times, events = samples.values[name][index], samples.stamps_ns[index].astype(float), list[StampedEvent]()
+    if len(values) < 2 or name not in {sensor.name for sensor in PREDICTED}:  # a pump may be switched
+        return []
+    unit = next(channel.unit for channel in samples.channels if channel.name == name)
+    for level in {float(np.min(values)), float(np.max(values))}:
         at = values == level
         if not DROPS <= at.sum() <= 0.5 * len(values):
             continue
@@ -55,12 +59,12 @@ def _dropped(samples: TopicSamples, name: str) -> list[StampedEvent]:
         apart = float(np.abs(values[~at] - level).min())
         if apart <= ISOLATED * noise or float(np.median(steps[jumps])) <= float(np.quantile(others, 0.99)):
             continue
+        visits = runs(at, reach=1)
+        if max(times[b] - times[a] for a, b in visits) > LONGEST * SECOND:
+            continue
         samples.valid[name][index[at]] = False
-        times, visits = samples.stamps_ns[index[at]].astype(float), int(np.sum(at[1:] & ~at[:-1]) + at[0])
-        unit = next(channel.unit for channel in samples.channels if channel.name == name)
-        often = "once" if visits == 1 else f"{visits} times"
-        detail = f"{name} drops to {level:.6g} {unit} and back {often}, {at.sum()} samples in all, as of a loose plug"
-        events.append(StampedEvent("stuck", float(times[0]), float(times[-1]), int(at.sum()), detail))
+        detail = f"{name} jumps to {level:.6g} {unit} and back {len(visits)} times, {at.sum()} samples in all, as of a loose plug"
+        events += [StampedEvent("stuck", float(times[a]), float(times[b]), b - a + 1, detail) for a, b in visits]
     return events
 
 

@@ -158,15 +158,24 @@ def test_a_signal_that_drops_to_one_value_and_back_is_left_out_there_and_told_on
     signals[name][at] = level
     found = after(tmp_path, time, signals)
     assert np.array_equal(found.signals[name].valid, ~at)
-    event = only(found, "stuck")
-    assert event.count == 53 and "and back 4 times, 53 samples in all" in event.detail
+    (said,) = {event.detail for event in found.events}
+    assert [event.count for event in found.events] == [40, 3, 1, 9] and "and back 4 times, 53 samples in all" in said
+    assert found.events[1].start_s == pytest.approx(5.0) and found.events[1].end_s == pytest.approx(5.02)
+
+
+def test_a_pump_that_is_switched_and_a_hose_that_is_empty_for_long_are_believed(tmp_path: Path) -> None:
+    time, signals = columns(12.0)
+    noise = np.random.default_rng(0).normal(0.0, 1e4, len(time))
+    signals["hose_pressure"] = np.where(time % 4.0 < 1.5, 0.0, 8e6 + noise)
+    signals["supply_pressure"] = np.where(time % 3.0 < 0.9, 0.0, 2e7 + noise)
+    assert not [event for event in after(tmp_path, time, signals).events if "jumps" in event.detail]
 
 
 def test_a_pressure_that_falls_to_the_end_of_its_sensor_on_its_way_is_believed(tmp_path: Path) -> None:
     time, signals = columns(12.0)
     swing = 4e6 * np.sin(2 * np.pi * 0.3 * time) + np.random.default_rng(0).normal(0.0, 1e4, len(time))
     signals["rod_pressure"] = np.maximum(swing, 0.0)
-    assert not [event for event in after(tmp_path, time, signals).events if "drops" in event.detail]
+    assert not [event for event in after(tmp_path, time, signals).events if "jumps" in event.detail]
 
 
 def test_a_coarse_pressure_that_repeats_while_the_boom_goes_far_is_stuck(tmp_path: Path) -> None:

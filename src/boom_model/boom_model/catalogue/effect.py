@@ -40,6 +40,7 @@ QUANTITIES: dict[str, str] = {
     "overlap": "x_0 [-]; at.position of the spool, at.edge: supply or tank",
     "metering_position": "s_s at the metering edges [m]; at.p",
     "supply_pressure": "p_s without a compensator [Pa]",
+    "supply_fall": "by how much the supply has fallen since it was p_s, without a compensator [Pa]",
     "supply_flow": "from the supply to a port [m^3/s]; at.conductance = q / sqrt(dp), at.pressure of the port, at.pump",
     "tank_flow": "from a port to the tank [m^3/s]; at.conductance = q / sqrt(dp)",
     "flow_force": "F_q, closes the spool [N]; at.size of |q| sqrt(|dp|), at.extend",
@@ -146,7 +147,8 @@ class Effect:
         place: in the order of its subsystem, in which terms are applied and tables are written.
         states: states that it brings while active; the reduced model leaves it out then, but for what is ``stateless``.
         stateless: quantities whose terms need none of them: these it keeps there, and where a component stands alone.
-        moving: numbers that alone need its states: while they are neutral in a machine, the effect is built without these.
+        moving: numbers that alone need its states: while they are neutral in a machine, the effect is built without these, and
+            in the reduced model always.
         not_in_laws: numbers of which no control law makes anything, where it does of the others.
         at_rest: (states so far, p, e) -> values of its own states of a boom that has rested, where these are not zero;
             ``load`` [kg] among the states is what hangs at the tip.

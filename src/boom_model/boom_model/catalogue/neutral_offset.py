@@ -27,5 +27,5 @@ EFFECT = Effect(
         parameter("T", "s", 20.0, (5.0, 120.0), (0.1, 1e5), "time constant of the change", positive=True, of="d"),
     ),
     {"metering_position": _edges},
-    place=7, states=(ELAPSED_TIME,), moving=("d", "T"),
+    place=7, states=(ELAPSED_TIME,), moving=("d",), stateless=("metering_position",), not_in_laws=("d", "T"),
 )  # fmt: skip

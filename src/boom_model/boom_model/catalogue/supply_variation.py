@@ -15,36 +15,29 @@ from typing import Any
 import casadi as ca
 
 from boom_model.catalogue.effect import Effect, parameter
-from boom_model.regularisation import Expression, signed_sqrt
+from boom_model.regularisation import Expression
 from boom_model.state import State
 
 SHORTEST = 2e-3
-"""s. What is left of the lag where tau = 0; far below a spool's."""
+"""s. Beside tau: the state has to be one; far below a spool's."""
 LEAST_FLOW = 1e-8
 """m^3/s. Below it nothing falls by r; a hundredth of what a seal lets through."""
 
 
-def _at_once(flow: Expression, own: Any, at: Any) -> Expression:
-    """q that is taken where nothing lags; flow: C sqrt(h)."""
-    square = at.conductance**2
-    linear = own.r * square / ca.sqrt(flow * flow + LEAST_FLOW * LEAST_FLOW)
-    return 2 * flow / (linear + ca.sqrt(linear * linear + 4 * (1 + own.k * square)))
-
-
-def _fall(flow: Expression, own: Any) -> Expression:
-    return own.r * flow + own.k * flow * ca.fabs(flow)
+def _fallen(fall: Expression, own: Any, _at: Any) -> Expression:
+    return fall + own.state("supply_fall") if own.stateful else fall
 
 
 def _taken(flow: Expression, own: Any, at: Any) -> Expression:
-    at_once = _at_once(flow, own, at)
-    if not own.stateful:
-        return at_once
-    x, time = own.state("supply_fall"), own.tau + SHORTEST
-    fall = _fall(at_once, own)
-    lagging = fall + (x - fall) * own.tau / time
-    taken = at.conductance * signed_sqrt(at.pump - at.pressure - lagging)
-    own.rates["supply_fall"] = (_fall(taken, own) - x) / time
-    return taken
+    """q; flow: what the edge and other effects let through."""
+    if own.stateful:
+        own.rates["supply_fall"] = (own.r * flow + own.k * flow * ca.fabs(flow) - own.state("supply_fall")) / (
+            own.tau + SHORTEST
+        )
+        return flow
+    square = at.conductance**2
+    linear = own.r * square / ca.sqrt(flow * flow + LEAST_FLOW * LEAST_FLOW)
+    return 2 * flow / (linear + ca.sqrt(linear * linear + 4 * (1 + own.k * square)))
 
 
 EFFECT = Effect(
@@ -59,7 +52,7 @@ EFFECT = Effect(
         parameter("tau", "s", 0.0, (0.0, 0.3), (0.0, 3.0), "time constant with which it falls and rises", of="k",
                   almost_nothing=1e-4),
     ),
-    {"supply_pressure": lambda pressure, own, at: pressure * (1 + own.a), "supply_flow": _taken},
-    place=0, needs="constant_supply", independent=True, changes=("fluid.p_s",), stateless=("supply_pressure", "supply_flow"),
+    {"supply_pressure": lambda pressure, own, at: pressure * (1 + own.a), "supply_fall": _fallen, "supply_flow": _taken},
+    place=2, needs="constant_supply", independent=True, changes=("fluid.p_s",), stateless=("supply_pressure", "supply_flow"),
     moving=("tau",), not_in_laws=("tau",), states=(State("supply_fall", "x", "Pa", 1e6, -1e8, 1e8, equation="5.39l,m"),),
 )  # fmt: skip

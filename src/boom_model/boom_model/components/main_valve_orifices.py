@@ -228,7 +228,7 @@ def flows(
     extend = position < 0
     supply_area, tank_area = edges(position, p, e)
     port_pressure = ca.if_else(extend, hose_pressure, rod_pressure)
-    supply_root = supply_drop.root(port_pressure, p)
+    supply_root = supply_drop.root(port_pressure + e.through("supply_fall", 0.0), p)
     conducted = gain * supply_area
     pump = port_pressure + supply_drop.drop(port_pressure, p)
     supply = e.through("supply_flow", conducted * supply_root, conductance=conducted, pressure=port_pressure, pump=pump)

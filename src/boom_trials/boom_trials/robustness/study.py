@@ -164,7 +164,7 @@ def carry_out_one(job: StudyRun) -> Result:
     references = [*references, *_to_rest(references[-1], job.rest, job.settings.sample_time)]
     base = nominal.pose(*pose_key)
     machine = job.case.machine(nominal, job.limited)
-    plant = _plant(job.machine, frozenset(machine.effects), pose_key).with_numbers(
+    plant = _plant(job.machine, frozenset(machine.effects), machine.still, pose_key).with_numbers(
         machine, replace(base, load=base.load + job.case.load)
     )
     crane = TrialCrane(
@@ -300,11 +300,18 @@ def _machine(name: str) -> Machine:
 
 
 @lru_cache(maxsize=16)
-def _plant(name: str, effects: frozenset[str], pose: tuple[float, float, float]) -> Plant:
-    """Compiled with these effects, whose numbers follow (``with_numbers``)."""
+def _plant(name: str, effects: frozenset[str], still: frozenset[str], pose: tuple[float, float, float]) -> Plant:
+    """Compiled with these effects, those in ``still`` without their states, whose numbers follow (``with_numbers``)."""
     machine = _machine(name)
     active = {
-        effect: machine.effects.get(effect, {row.name: _not_neutral(row) for row in EFFECTS[effect].parameters})
+        effect: {
+            **machine.effects.get(effect, {row.name: _not_neutral(row) for row in EFFECTS[effect].parameters}),
+            **{
+                row.name: row.neutral if effect in still else _not_neutral(row)
+                for row in EFFECTS[effect].parameters
+                if row.name in EFFECTS[effect].moving
+            },
+        }
         for effect in effects
     }
     machine = machine.with_effects(active)
