@@ -81,6 +81,7 @@ NOT_CONCEALED = {
     "vented_neutral",
     "spool_lag",
     "stroke_limit",
+    "transducer_lag",
 }
 """Of cranes of other makes, which this plant is none of, and newer than it."""
 

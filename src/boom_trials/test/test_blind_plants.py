@@ -114,6 +114,7 @@ def test_every_effect_of_the_catalogue_is_concealed_by_a_plant_and_every_form_is
         "vented_neutral",
         "spool_lag",
         "stroke_limit",
+        "transducer_lag",
     }  # of files with a load-holding valve, which no plant has; newer than the plants
     foreign = {name for name, effect in EFFECTS.items() if effect.foreign}  # concealed as physics of no catalogue
     assert concealed == set(EFFECTS) - not_concealed - foreign

@@ -134,6 +134,8 @@ def _numbers(plant: Plant) -> list[FmuVariable]:
             row = next(row for row in EFFECTS[effect].parameters if row.name == key)
             unit, low, high = row.unit, min(row.minimum, row.neutral), max(row.maximum, row.neutral)
             meaning = f"{effect.replace('_', ' ')}: {row.meaning}"
+            if effect in machine.still and key in EFFECTS[effect].moving:
+                meaning += "; not used, neutral in this machine"
         else:
             _, term, factor = name.split(".")
             entry = machine.learned[int(term)]
