@@ -7,7 +7,7 @@ from boom_model.catalogue.effect import Effect, parameter
 
 EFFECT = Effect(
     "command_delay", "pilot_valves", "5.39p,s", "i(t - T)",
-    ("the command", "arrives late at the pilot valves"), "follows the edges of the command",
+    ("the command", "arrives late at the valve"), "follows the edges of the command",
     (
         parameter("T", "s", 0.0, (0.005, 0.1), (-0.1, 1.0), "dead time between command and valve; below 0 where a log samples the "
                   "currents, and shows them late", starts=(0.01, 0.04, 0.08)),
