@@ -336,8 +336,8 @@ def possible(
     """
     effect, own = sized(EFFECTS[fitted.effect], size), f"effects.{fitted.effect}."
     first = effect.parameters[0]
-    less = fitted.point.effects[own + first.name] < 0.0
-    if effect.load and fitted.point.effects[own + first.name] < -load:
+    hung = fitted.point.effects.get(own + first.name, first.neutral)
+    if effect.load and hung < -load:
         return False
     limits = {own + row.name: row.maximum for row in effect.leading}
     if not (effect.foreign or effect.load) and any(
@@ -348,7 +348,7 @@ def possible(
     for row in (row for row in effect.parameters if not (row.surely and whole)):
         value, told = fitted.point.effects.get(own + row.name, row.neutral), intervals.get(own + row.name)
         low, high = told.interval_90 if told and row.surely else (value, value)  # none is told of what is not there
-        least, most = row.possible_less if less and row.possible_less else row.possible
+        least, most = row.possible_less if hung < 0.0 and row.possible_less else row.possible
         if high < least or low > most:
             return False
     return True

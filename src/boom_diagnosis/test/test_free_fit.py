@@ -17,7 +17,7 @@ def test_a_fit_counts_where_it_helps_and_leaves_no_channel_worse_than_with_param
     monkeypatch: pytest.MonkeyPatch, better: float, worst_before: float, worst_after: float, kept: bool
 ) -> None:
     base, before, after = "base", "before", "after"
-    monkeypatch.setattr(free_fit, "_far", lambda case, at: True)
+    monkeypatch.setattr(free_fit, "far_from_noise", lambda case, at: True)
     monkeypatch.setattr(free_fit, "fitted_to_free_runs", lambda case, at, bags, select: base if at is base else after)
     monkeypatch.setattr(free_fit, "worsening", lambda case, old, new: 1.0 if old is base else better)
     monkeypatch.setattr(free_fit, "worst_channel", lambda case, old, new: worst_after if new is after else worst_before)
@@ -32,7 +32,7 @@ def test_a_fit_counts_where_it_helps_and_leaves_no_channel_worse_than_with_param
 def test_what_leaves_nothing_in_one_step_errors_and_runs_freely_near_the_noise_keeps_its_numbers(
     monkeypatch: pytest.MonkeyPatch, rest: float, kept: bool
 ) -> None:
-    monkeypatch.setattr(free_fit, "_far", lambda case, at: at == "base")
+    monkeypatch.setattr(free_fit, "far_from_noise", lambda case, at: at == "base")
     monkeypatch.setattr(free_fit, "fitted_to_free_runs", lambda case, at, bags, select: f"{at}, run")
     monkeypatch.setattr(free_fit, "worsening", lambda case, old, new: 0.5)
     monkeypatch.setattr(free_fit, "worst_channel", lambda case, old, new: 1.0)
@@ -60,7 +60,7 @@ def test_where_nothing_was_found_the_likeliest_observers_numbers_are_handed_out_
     nothing: Any = None
     case = Case(nothing, nothing, [], [], [], [], [], (), 0, trained=["tight"], likeliest=("whole", "loose"))  # type: ignore[list-item, arg-type]
     case.spared[0] = "sharp"  # type: ignore[assignment]
-    monkeypatch.setattr(free_fit, "_far", lambda case, at: False)
+    monkeypatch.setattr(free_fit, "far_from_noise", lambda case, at: False)
     monkeypatch.setattr(free_fit, "worsening", lambda case, old, new, fitted: 0.5 if better and fitted else 1.5)
 
     free_fit.fit_to_free_runs(case)
@@ -78,7 +78,7 @@ def test_parameters_only_that_are_fitted_to_free_runs_are_what_is_handed_out(
     bag: Any = "bag"
     case = Case(nothing, nothing, [], [bag] if proving else [], [], [], [], (), 0, trained=["base"])  # type: ignore[list-item]
     case.spared[0] = "sharp"  # type: ignore[assignment]
-    monkeypatch.setattr(free_fit, "_far", lambda case, at: True)
+    monkeypatch.setattr(free_fit, "far_from_noise", lambda case, at: True)
     monkeypatch.setattr(free_fit, "fitted_to_free_runs", lambda case, at, bags, select: f"{at}, run")
     monkeypatch.setattr(free_fit, "worsening", lambda case, old, new: 0.5)
 

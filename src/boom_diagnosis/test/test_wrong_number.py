@@ -196,7 +196,7 @@ def test_without_a_free_run_that_ends_unknown_physics_is_what_one_step_says() ->
 def test_an_effect_that_has_less_than_free_runs_give_to_parameters_alone_is_dropped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(answer, "by_free_runs", lambda unknown, held_out, noise_floor: (0.05, 0.6))
+    monkeypatch.setattr(answer, "by_free_runs", lambda unknown, held_out, noise_floor, leaves: (0.05, 0.6))
     monkeypatch.setattr(answer, "as_far_by_chance", lambda z: 1.0)  # as if they had gone nowhere
     lagging = tz17().with_effects({"pilot_lag": {"r": 2.0}})
     result = diagnose([noisy(lagging, 16.0, 1)], tz17())

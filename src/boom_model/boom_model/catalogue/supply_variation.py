@@ -47,8 +47,7 @@ EFFECT = Effect(
         parameter("a", "-", 0.0, (-0.15, 0.15), (-0.9, 2.0), "how far its level is off"),
         parameter("k", "Pa s^2/m^6", 0.0, (0.0, 4e12), (0.0, 1e14), "fall per squared flow",
                   accuracy=2.5e11),  # 10 bar at 120 l/min: lines and filters between gauge and valve
-        parameter("r", "Pa s/m^3", 0.0, (0.0, 4e9), (0.0, 1e11), "fall per flow",
-                  accuracy=5e8),  # 10 bar at 120 l/min
+        parameter("r", "Pa s/m^3", 0.0, (0.0, 4e9), (0.0, 1e11), "fall per flow"),
         parameter("tau", "s", 0.0, (0.0, 0.3), (0.0, 3.0), "time constant with which it falls and rises", of="k",
                   almost_nothing=1e-4),
     ),
