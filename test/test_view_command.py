@@ -118,7 +118,7 @@ CURVES = """new Promise((done) => {
   (function look() {
     const at = view.player.state.curves;
     if (at !== drawn[drawn.length - 1]) { drawn.push(at); sizes.push(view.data.time.length); }
-    if (drawn.length < 10) requestAnimationFrame(look); else done(sizes[9] > sizes[0] ? drawn : []);
+    if (drawn.length < 6) requestAnimationFrame(look); else done(sizes.every((n, k) => !k || n > sizes[k - 1]) ? drawn : []);
   })();
 })"""
 
@@ -157,9 +157,7 @@ def test_a_page_opened_before_during_and_after_a_simulation_shows_it(browser: Br
             browser.open(address, 1300)  # during
             until(browser, "view.player.state.t !== null && view.data.time.length > 50")
             drawn = browser.value(CURVES)
-            # ms: each of four plots is drawn ten times a second, thirty batches or not, and not all in one frame
-            assert min(b - a for a, b in zip(drawn, drawn[4:], strict=False)) >= 100
-            assert min(b - a for a, b in pairwise(drawn)) >= 25
+            assert min(b - a for a, b in pairwise(drawn)) >= 100  # ms: thirty batches a second are drawn ten times
         until(browser, "document.getElementById('state').textContent.startsWith('No angle for')")
         browser.open(address, 1300)  # after
         assert until(browser, "view.data.time.length") > 50

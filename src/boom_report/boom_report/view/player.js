@@ -3,7 +3,7 @@
 (function () {
   const SMOOTH = 0.08;  // s that a live picture lags: samples arrive in batches
   const FLOWING = 0.03;  // s between two pictures of the scheme: painting it takes a seventh of a frame
-  const READABLE = 100;  // ms between two texts, and between two drawings of a curve that grows
+  const READABLE = 100;  // ms between two texts, and between two drawings of curves that grow
   const channelsOf = (scene) => scene.channels;
 
   window.makePlayer = function (root, scene, data) {
@@ -48,17 +48,10 @@
         holder.append(element);
       });
     }
-    function more() {  // data have grown
-      state.curves = performance.now();
-      if (!plots.grow(data, state.model)) return;
-      state.grown = false;
-      timeline();
-    }
     function refresh() {
+      state.grown = false;
+      state.curves = performance.now();
       plots.set(data, state.model);
-      timeline();
-    }
-    function timeline() {
       slider.min = first();
       slider.max = last();
       strip();
@@ -109,7 +102,7 @@
       const elapsed = Math.min(0.25, (now - before) / 1e3);
       before = now;
       if (!data.time.length || (root.getBoundingClientRect().bottom < 0 || root.getBoundingClientRect().top > window.innerHeight)) return;
-      if (state.grown && now - state.curves >= READABLE / plots.count) more();
+      if (state.grown && now - state.curves >= READABLE) refresh();
       if (data.live && state.follow) {
         const goal = last() - SMOOTH;  // follows the newest sample without jumping with the batches
         state.t = state.t === null || Math.abs(goal - state.t) > 0.5 ? goal : state.t + elapsed + 0.1 * (goal - state.t - elapsed);

@@ -13,7 +13,7 @@
 
   window.makePlots = function (root, channels, onSeek) {
     const css = (name) => getComputedStyle(root).getPropertyValue(name).trim();
-    let colours, plots = [], marks = [], live = false, shown = [Infinity, -Infinity], dirty = true, turn = 0;
+    let colours, plots = [], marks = [], live = false, shown = [Infinity, -Infinity], dirty = true;
     const stroke = (name) => () => colours[name];
     const rows = [
       ...channels.filter((c) => ["angle", "hose_pressure", "rod_pressure"].includes(c.name)),
@@ -62,36 +62,25 @@
     const scaled = (values, scale) => (scale === 1 ? values : Array.from(values, (v) => v * scale));
     const unknown = (values) => Array.from(values, (v) => (Number.isFinite(v) ? v : null));
 
-    function curves({ plot, channel }, data, model) {
-      let one, two;
-      if (channel.name === "currents") {
-        const { retract_current: r, extend_current: e } = data.measured;
-        one = e && r ? Array.from(e, (v, i) => v - r[i]) : [];
-        two = Array.from(one, () => null);
-      } else {
-        one = scaled(data.measured[channel.name] || [], channel.scale);
-        two = model ? scaled(model.values[channel.name] || [], channel.scale) : [];
-      }
-      if (!one.length) one = Array.from(data.time, () => null);
-      if (!two.length) two = Array.from(one, () => null);
-      plot.setData([data.time, unknown(two), unknown(one)], false);
-    }
-
-    // New data, or another model.
+    // New data, or another model; for live data this is called for every batch.
     function set(data, model) {
       live = data.live;
       dirty = true;
       marks = model ? model.marks : [];
-      plots.forEach((plot) => curves(plot, data, model));
-    }
-    // Data that grow: one plot a call, as four in one frame make it late; whether it was the last of a round.
-    function grow(data, model) {
-      const one = plots[turn];
-      marks = model ? model.marks : [];
-      curves(one, data, model);
-      if (!dirty) one.plot.setScale("x", { min: shown[0], max: shown[1] });
-      turn = (turn + 1) % plots.length;
-      return turn === 0;
+      plots.forEach(({ plot, channel }) => {
+        let one, two;
+        if (channel.name === "currents") {
+          const { retract_current: r, extend_current: e } = data.measured;
+          one = e && r ? Array.from(e, (v, i) => v - r[i]) : [];
+          two = Array.from(one, () => null);
+        } else {
+          one = scaled(data.measured[channel.name] || [], channel.scale);
+          two = model ? scaled(model.values[channel.name] || [], channel.scale) : [];
+        }
+        if (!one.length) one = Array.from(data.time, () => null);
+        if (!two.length) two = Array.from(one, () => null);
+        plot.setData([data.time, unknown(two), unknown(one)], false);
+      });
     }
     function show(t, first, last) {
       const end = Math.max(shown[1], shown[0] + 1);
@@ -113,6 +102,6 @@
       plots.forEach(({ plot }) => plot.setSize({ width: Math.max(200, width), height: plot.height }));
     }).observe(root);
     make();
-    return { set, grow, show, make, count: rows.length };
+    return { set, show, make };
   };
 })();
