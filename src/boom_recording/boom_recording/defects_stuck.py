@@ -63,7 +63,7 @@ def _dropped(samples: TopicSamples, name: str) -> list[StampedEvent]:
         if max(times[b] - times[a] for a, b in visits) > LONGEST * SECOND:
             continue
         samples.valid[name][index[at]] = False
-        detail = f"{name} jumps to {level:.6g} {unit} and back {len(visits)} times, {at.sum()} samples in all, as of a loose plug"
+        detail = f"{name} jumps to {_said(level, unit)} and back {len(visits)} times, {at.sum()} samples in all, as of a loose plug"
         events += [StampedEvent("stuck", float(times[a]), float(times[b]), b - a + 1, detail) for a, b in visits]
     return events
 
@@ -95,9 +95,13 @@ def _stuck(samples: TopicSamples, name: str, witness: "_Motion", limits: Thresho
         samples.valid[name][index[first : b + 1]] = False
         if name == "rate":
             witness.stuck_rates.append((start, times[b]))
-        detail = f"{name} repeats {values[a]:.6g} {unit} for {(times[b] - start) / SECOND:.2f} s"
+        detail = f"{name} repeats {_said(float(values[a]), unit)} for {(times[b] - start) / SECOND:.2f} s"
         events.append(StampedEvent("stuck", float(start), float(times[b]), b - first + 1, detail))
     return events
+
+
+def _said(value: float, unit: str) -> str:
+    return f"{value / 1e5:.6g} bar" if unit == "Pa" else f"{value:.6g} {unit}"
 
 
 def _step(values: Floats) -> float:
