@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import log
 
@@ -132,6 +132,16 @@ def _of_told(effect: Effect, points: list[dict[str, float]], load: float) -> lis
     fixed = {f"effects.{effect.id}.{row.name}": load for row in effect.parameters if row.fixed}
     points = [{**point, **fixed} for point in points if load > 0.0 or not point[told]]
     return [{**point, mass: load} if point[told] else point for point in points]
+
+
+def idle(effects: Mapping[str, float]) -> set[str]:
+    """Names of the numbers that need states and are neutral, and of those that shape them; effects: values by dotted name."""
+    still = set[str]()
+    for effect in {name.split(".")[1] for name in effects if name.startswith("effects.")}:
+        prefix, rows = f"effects.{effect}.", EFFECTS[effect].parameters
+        gone = {r.name for r in rows if r.name in EFFECTS[effect].moving and effects.get(prefix + r.name) == r.neutral}
+        still |= {prefix + r.name for r in rows if r.name in gone or r.of in gone}
+    return still
 
 
 def has_valleys(effect: Effect) -> bool:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from boom_diagnosis.assumptions import NEAR_FLOOR, WORSE
 from boom_diagnosis.bag_samples import PERIOD, Bag
 from boom_diagnosis.case import Case
-from boom_diagnosis.coordinates import Coordinate, all_coordinates
+from boom_diagnosis.coordinates import Coordinate, all_coordinates, idle
 from boom_diagnosis.disturbances import Values
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.freerun import errors, free_run, noise_floor
@@ -116,7 +116,7 @@ def fitted_to_free_runs(case: Case, at: Point, bags: Sequence[Bag], select: Sequ
     """The best point that the steps reach, as the observer of a healthy machine sees it; select: samples of these recordings."""
     z, effects = at.z, dict(at.effects)
     names = tuple(
-        c for c in all_coordinates(effects_of(effects), case.size) if not c.onset
+        c for c in all_coordinates(effects_of(effects), case.size) if not (c.onset or c.name in idle(effects))
     )  # one-step errors tell it sharply
     leading = {f"effects.{e}.{row.name}" for e in effects_of(effects) for row in EFFECTS[e].leading}
     shapes = tuple(c for c in names if c.positive and c.name not in leading and c.plausible[0] < c.plausible[1])

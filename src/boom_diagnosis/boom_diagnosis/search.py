@@ -17,13 +17,12 @@ from boom_diagnosis.bag_samples import visited
 from boom_diagnosis.coordinates import Coordinate, coordinates, has_valleys, starts
 from boom_diagnosis.fitting import WHITE, Point, Problem, weights
 from boom_diagnosis.onset import near_onset, neutral, onset_of, release_of, steps_in, time_in
+from boom_diagnosis.plainer import TIMED, plainer
 from boom_diagnosis.steps import bounded
 from boom_model.catalogue import CATALOGUE, EFFECTS, Effect
 
 Array = NDArray[np.float64]
 
-TIMED = 100.0
-"""Nats from which on the time of a load, or another step of it, is looked for once more."""
 STEPS, GLANCE = 5, 2
 """Of Gauss-Newton for an effect, and those after which one that is far behind another is left."""
 FURTHER = 6
@@ -281,7 +280,6 @@ def refine(
     """Fits one effect (and the numbers ``kept`` of those accepted before) from its candidates and keeps the best.
 
     Of several candidates one that is behind another after ``GLANCE`` steps is not followed further.
-
     at_least, level: nats that a start must have gained after ``GLANCE`` steps to be followed further, or the loss it must have
     reached then, that of the best so far.
     """
@@ -304,6 +302,8 @@ def refine(
         reached.append((point, own))
     point, final = min(reached, key=lambda r: r[0].loss)
     losses = tuple(r[0].loss for r in reached)
+    if EFFECTS[candidates[0].effect].moving:
+        point, final, names = plainer(problem, point, final, names, iterations=STEPS)
     return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, losses, glanced)
 
 

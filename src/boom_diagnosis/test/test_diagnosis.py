@@ -15,7 +15,7 @@ from rich.console import Console
 
 from boom_diagnosis import answer, regimes
 from boom_diagnosis.bag_samples import prepare
-from boom_diagnosis.coordinates import Coordinate, all_coordinates, starts
+from boom_diagnosis.coordinates import Coordinate, all_coordinates, idle, starts
 from boom_diagnosis.document import DiagnosisResult
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.healthy import simulated as copy_of
@@ -159,6 +159,25 @@ def test_a_relief_valve_at_a_port_is_unknown_physics_with_its_pressure_and_slope
     for name, true in weak.items():
         low, high = found.parameters[name].interval_90
         assert low <= true <= high < 1.5 * true
+
+
+def test_a_spool_off_centre_that_does_not_wander_is_told_by_its_offset_alone() -> None:
+    """Beside a wander that was over within 2 s the offset was anything from -0.006 to 0.025, and not told: ambiguous."""
+    off = tz17().with_effects({"neutral_offset": {"x_n": 0.03}})
+    found = diagnose([noisy(off, 30.0, 3)], tz17()).document.findings[0]
+    assert (found.effect, set(found.parameters)) == ("neutral_offset", {"x_n"})
+    assert found.parameters["x_n"].value == pytest.approx(0.03, abs=0.006)
+    low, high = found.parameters["x_n"].interval_90
+    assert high - low < 0.02
+
+
+def test_numbers_that_need_states_and_are_neutral_are_idle_with_what_shapes_them() -> None:
+    off = {"effects.neutral_offset.x_n": 0.03, "effects.neutral_offset.d": 0.0, "effects.neutral_offset.T": 20.0}
+    assert idle(off) == {"effects.neutral_offset.d", "effects.neutral_offset.T"}
+    assert idle({**off, "effects.neutral_offset.d": 0.01, "fluid.beta": 1e9}) == set()
+    assert idle({"effects.supply_variation.k": 1e12, "effects.supply_variation.tau": 0.0}) == {
+        "effects.supply_variation.tau"
+    }
 
 
 def test_a_telescope_that_creeps_is_unknown_physics_of_the_structure_with_the_moment_that_goes() -> None:
