@@ -541,9 +541,10 @@ def _said_of_wrong(case: Case, moved: Mapping[str, Estimate]) -> list[str]:
     instead = [f"{names[0]} {factor * file[names[0]]:.4g} for {file[names[0]]:.4g}" for names, factor in case.or_wrong]
     as_well = f"; as well explained by {' or '.join(instead)} in its place" if instead else ""
     return [
-        f"{in_words(case.wrong)}: {found.value:.4g} {found.unit} by the recordings, "
-        f"{file[key]:.4g} {found.unit} in the file, far outside its tolerance: look it up{as_well}"
+        f"{in_words(case.wrong)}: {found.value:.4g}{unit} by the recordings, "
+        f"{file[key]:.4g}{unit} in the file, far outside its tolerance: look it up{as_well}"
         for key, found in _wrong(case, moved).items()
+        for unit in ["" if found.unit == "-" else f" {found.unit}"]
     ]
 
 
