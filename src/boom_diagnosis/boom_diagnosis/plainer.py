@@ -17,13 +17,15 @@ TIMED = 100.0
 
 
 def plainer(
-    problem: Problem, point: Point, jacobian: Array, names: tuple[Coordinate, ...], *, iterations: int
+    problem: Problem, point: Point, jacobian: Array, names: tuple[Coordinate, ...], effect: str, *, iterations: int
 ) -> tuple[Point, Array, tuple[Coordinate, ...]]:
-    """Point, jacobian and coordinates without the numbers that need states (``moving``), where these gain less than ``TIMED``.
+    """Point, jacobian and coordinates without the numbers of an effect that need states (``moving``), unless these gain ``TIMED``.
 
     Beside a wander that is not there an offset would be anything, and pay for both.
     """
-    moving = {c.name for c in names if c.name.split(".")[2] in EFFECTS[c.name.split(".")[1]].moving}
+    moving = {f"effects.{effect}.{number}" for number in EFFECTS[effect].moving}
+    if moving.isdisjoint(c.name for c in names):
+        return point, jacobian, names
     values = {name: neutral(name) if name in moving else value for name, value in point.effects.items()}
     kept = tuple(c for c in names if c.name not in idle(values))
     start = problem.points([(point.z, values)])[0]

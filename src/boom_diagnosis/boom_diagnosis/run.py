@@ -15,12 +15,13 @@ from boom_diagnosis import answer, weighed_answer
 from boom_diagnosis.ahead import compiled_ahead
 from boom_diagnosis.bag_samples import prepare
 from boom_diagnosis.case import Case, case_of
-from boom_diagnosis.coordinates import idle
 from boom_diagnosis.document import DiagnosisResult
-from boom_diagnosis.earning import given_up, numbers_of, take
+from boom_diagnosis.earning import given_up, take
 from boom_diagnosis.fitting import Point, Problem
 from boom_diagnosis.free_fit import fit_to_free_runs
-from boom_diagnosis.onset import near_onset, neutral, time_in
+from boom_diagnosis.hypotheses import POLISH
+from boom_diagnosis.onset import near_onset, time_in
+from boom_diagnosis.plainer import plainer
 from boom_diagnosis.restarts import in_deepest_valley
 from boom_diagnosis.rounds import rounds, share
 from boom_diagnosis.search import Fitted
@@ -203,22 +204,9 @@ def _last_fit(case: Case) -> Fitted:
         problem, point, reached = in_deepest_valley(case, (problem, point, reached), names)
         exact = problem.effect_jacobian(point, names, exact=True)
         jacobian = np.concatenate([reached[:, : len(at.z)], exact], axis=1)
-    return _without_idle(case, problem, replace(fitted, point=point, jacobian=jacobian))
-
-
-def _without_idle(case: Case, problem: Problem, found: Fitted) -> Fitted:
-    """The same without those numbers that need states (``moving``) of which the recordings leave open whether they do anything.
-
-    A wander that is over within seconds, or takes an hour, is told by nothing, and lets an offset beside it be anything.
-    """
-    told, effects = numbers_of(case, found), dict(found.point.effects)
-    for name in (f"effects.{effect}.{number}" for effect in case.named for number in EFFECTS[effect].moving):
-        if name in told and told[name].interval_90[0] <= neutral(name) <= told[name].interval_90[1]:
-            effects[name] = neutral(name)
-    names = tuple(c for c in found.coordinates if c.name not in idle(effects))
-    if len(names) == len(found.coordinates):
-        return found
-    columns = found.jacobian[:, : len(found.point.z)]
-    point, _ = problem.fit(problem.points([(found.point.z, effects)])[0], columns, names)
-    jacobian = np.concatenate([columns, problem.effect_jacobian(point, names, exact=True)], axis=1)
-    return replace(found, point=point, coordinates=names, jacobian=jacobian)
+        for effect in case.named:
+            point, reached, kept = plainer(problem, point, jacobian, names, effect, iterations=POLISH)
+            if len(kept) < len(names):
+                exact = problem.effect_jacobian(point, kept, exact=True)
+                names, jacobian = kept, np.concatenate([reached[:, : len(at.z)], exact], axis=1)
+    return replace(fitted, point=point, coordinates=names, jacobian=jacobian)

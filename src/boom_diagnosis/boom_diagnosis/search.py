@@ -302,9 +302,9 @@ def refine(
         reached.append((point, own))
     point, final = min(reached, key=lambda r: r[0].loss)
     losses = tuple(r[0].loss for r in reached)
-    if EFFECTS[candidates[0].effect].moving:
-        point, final, names = plainer(problem, point, final, names, iterations=STEPS)
-    return Fitted(candidates[0].effect, point, names, final, at.loss - point.loss, losses, glanced)
+    effect = candidates[0].effect
+    point, final, names = plainer(problem, point, final, names, effect, iterations=STEPS)
+    return Fitted(effect, point, names, final, at.loss - point.loss, losses, glanced)
 
 
 def _placed(problem: Problem, point: Point, jacobian: Array, names: Sequence[Coordinate]) -> tuple[Point, Array]:
